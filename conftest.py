@@ -69,16 +69,16 @@ CORE = {
     "tests/solve/checkpoint/test_resumed.py": (
         "a_resumed_run_gives_the_same_result_to_the_last_bit"
     ),
-    "tests/drape/test_net.py": "a_net_on_the_sphere_converges_to_the_chebyshev_net",
-    "tests/drape/test_exact_answers.py": (
+    "tests/nets/test_net.py": "a_net_on_the_sphere_converges_to_the_chebyshev_net",
+    "tests/scenes/drape/test_exact_answers.py": (
         "the_chebyshev_net_is_found_in_a_few_solves "
         "a_cylinder_causes_no_shear_and_a_pressure_of_tension_over_radius"
     ),
-    "tests/forming/test_tools.py": "contact_is_a_constraint",
+    "tests/contact/test_tools.py": "contact_is_a_constraint",
 }
 
 # Examples of docstrings in the lane ``slow``; tests of its folder are about the same.
-SLOW_EXAMPLES = {"skfem_textile.drape.start_search.best_start"}
+SLOW_EXAMPLES = {"skfem_textile.nets.start_search.best_start"}
 
 # Longest test that need not be marked ``dear``, in processor seconds.
 DEAR = 0.5

@@ -17,7 +17,7 @@ from .fabric import (
     TensionOnly as TensionOnly,
 )
 from .fabric.files import read_law as read_law, write_law as write_law
-from .forming import Holder as Holder, Tool as Tool
+from .contact import Holder as Holder, Tool as Tool
 from .forms import (
     Forms as Forms,
     hourglass as hourglass,
@@ -68,7 +68,7 @@ from .ply.terms import (
     Term as Term,
     VectorTerm as VectorTerm,
 )
-from .singular import (
+from .outlines import (
     Outline as Outline,
     along_edges as along_edges,
     fit_to_fibres as fit_to_fibres,
@@ -89,7 +89,8 @@ from .solve.states import (
     Verdict as Verdict,
 )
 from .solve.stepper import LoadStepper as LoadStepper
-from .solve.surface import OnSurface as OnSurface, Surface as Surface
+from .solve.on_surface import OnSurface as OnSurface
+from .surfaces.surface import Surface as Surface
 from .solve.tolerance import (
     Round as Round,
     ToleranceResult as ToleranceResult,

@@ -103,7 +103,7 @@ def _positive(text: str) -> int:
 def _run(study: Study[Any], options: argparse.Namespace) -> int:
     """Run the cases and write the report, without failed cases."""
     from skfem_textile.cli.result_folder import ResultFolder
-    from skfem_textile.solve.sweep import SweepError
+    from skfem_textile.sweep import SweepError
 
     if study.timed:  # before linear-algebra libraries are loaded
         os.environ.update(ONE_THREAD)
@@ -166,7 +166,7 @@ def _examine(
     rows_by_name: dict[str, list[Row]],
 ) -> None:
     """Add the rows of each case by its name; they are saved as cases finish."""
-    from skfem_textile.solve.sweep import sweep
+    from skfem_textile.sweep import sweep
 
     pending.parent.mkdir(parents=True, exist_ok=True)
     workers = 1 if study.timed else min(options.workers, len(cases))

@@ -16,7 +16,16 @@ from tempfile import mkdtemp
 import meshio
 import numpy as np
 
-from skfem_textile import Fabric, Tabulated, forming, io, plot, scenes
+from skfem_textile import (
+    Fabric,
+    Tabulated,
+    io,
+    plot,
+    scenes,
+)
+from skfem_textile import (
+    contact as forming,
+)
 from skfem_textile.cli.main import main
 
 # %%

@@ -18,7 +18,7 @@ import numpy as np
 
 from skfem_textile import Fabric, LoadStepper, Ply, plot
 from skfem_textile.scenes import bias_extension
-from skfem_textile.solve.sweep import WorkerProcesses, sweep
+from skfem_textile.sweep import WorkerProcesses, sweep
 
 G = 0.5  # N/mm
 RATIOS, ANGLES = (2e4, 2e5, 2e6), (10, 20, 30, 40)  # E/G, degrees

@@ -19,7 +19,7 @@ from ..mesh.user_input import printable
 from ..ply.loads import BodyForce, Force
 from ..ply.terms import Load
 from ..scenes.case import Case
-from ..solve.surface import OnSurface
+from ..solve.on_surface import OnSurface
 from .read import (
     CaseFileError,
     declared,
@@ -342,7 +342,7 @@ def _refuse_fields(file: CaseFile, scene: "Scene") -> None:
 
 def _graded(file: CaseFile, laws: Fabric, factor: float) -> "Scene":
     """The scene on a mesh along the singular fibres."""
-    from ..singular import Outline, mesh_outline
+    from ..outlines import Outline, mesh_outline
 
     outline, drawing = None, file.mesh.outline
     if drawing is None:

@@ -9,9 +9,9 @@ from ..declarations import surfaces
 from .table import FILE, DeclaredTable, Degrees, about, table_of
 
 if TYPE_CHECKING:
-    from ..drape import Axes
-    from ..forming import Holder, Tool
-    from ..solve.surface import Surface
+    from ..contact import Holder, Tool
+    from ..nets.fibres_in_space import Axes
+    from ..surfaces.surface import Surface
     from .rows import Rows
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -99,7 +99,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         """
         import numpy as np
 
-        from ..forming import Holder, Tool
+        from ..contact import Holder, Tool
 
         outline = None
         if self.outline_mm is not None:

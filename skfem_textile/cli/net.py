@@ -27,12 +27,10 @@ from .result_folder import ResultFolder
 from .results import PATTERN, write_patterns
 
 if TYPE_CHECKING:
-    from ..drape import (
-        FibresInSpace,
-        FlatPattern,
-        Net,
-        TriangleMesh,
-    )
+    from ..nets.crossings import Net
+    from ..nets.fibres_in_space import FibresInSpace
+    from ..nets.flat_pattern import FlatPattern
+    from ..surfaces.triangle_mesh import TriangleMesh
 
 # Files of the command.
 _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
@@ -194,8 +192,8 @@ def _laid(options: argparse.Namespace) -> Part:
 
 def _edges(tool: "TriangleMesh", options: argparse.Namespace) -> list[ndarray]:
     """Closed curves along the edges of a tool; none if it is closed."""
-    from ..drape.sheet import boundary_edges
     from ..io.file_numbers import errors_about
+    from ..surfaces.triangles import boundary_edges
 
     what = ", ".join(map(printable, options.tool))
     if boundary_edges(tool.facets.cells).size:
@@ -235,8 +233,8 @@ def _off_tool(
     tool: "TriangleMesh", curve: ndarray, cell: float, is_closed: bool
 ) -> str:
     """Say that a curve is not on a tool, or smaller than a cell; empty if neither."""
-    from ..drape.part import distances_from
-    from ..drape.sheet import REACH
+    from ..nets.part import distances_from
+    from ..nets.sheet import REACH
 
     away = distances_from(tool, curve)
     far = np.flatnonzero(away > (REACH if is_closed else 1.0) * cell)
@@ -262,7 +260,7 @@ def _pieces(
 ) -> Part:
     """Lay courses, a net with darts, or a net, and trim the pattern."""
     from .. import drape
-    from ..drape.part import first_layer
+    from ..nets.part import first_layer
 
     if options.roll_width is not None:
         strips = drape.courses(
@@ -345,14 +343,15 @@ def _start(
 
 def _to_cut(part: Part) -> "Sequence[FlatPattern]":
     """Patterns in one plane; courses side by side."""
-    from ..drape import side_by_side
+    from ..nets.course import side_by_side
 
     return part.patterns if len(part.patterns) == 1 else side_by_side(part.patterns)
 
 
 def _fibres(part: Part) -> "FibresInSpace":
     """Fibres in the triangles of the tool."""
-    from ..drape import Sheet, fibres_on_tool
+    from ..nets.fibres_in_space import fibres_on_tool
+    from ..nets.sheet import Sheet
 
     return fibres_on_tool(Sheet.of_net(part), part.tool.facets)
 

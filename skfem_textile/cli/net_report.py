@@ -10,15 +10,12 @@ from numpy import ndarray
 from .page import Row
 
 if TYPE_CHECKING:
-    from ..drape import (
-        BestStart,
-        Dart,
-        FibresInSpace,
-        FlatPattern,
-        Net,
-        PatternWithDarts,
-        TriangleMesh,
-    )
+    from ..nets.crossings import Net
+    from ..nets.dart_pattern import Dart, PatternWithDarts
+    from ..nets.fibres_in_space import FibresInSpace
+    from ..nets.flat_pattern import FlatPattern
+    from ..nets.start_search import BestStart
+    from ..surfaces.triangle_mesh import TriangleMesh
 
 # Share of a cell inside the part above which its shear counts.
 _HALF = 0.5
@@ -51,7 +48,7 @@ class Part(NamedTuple):
 
     def has(self, x: ndarray) -> ndarray:
         """Mask of points in space, (3, n), that are on the part."""
-        from ..drape.sheet import closest_on_triangles
+        from ..surfaces.triangles import closest_on_triangles
 
         facets = self.tool.facets
         triangle, _ = closest_on_triangles(facets.points, facets.triangles(), x)
@@ -122,7 +119,7 @@ class Cells(NamedTuple):
     @classmethod
     def of(cls, part: Part) -> "Cells":
         """Cells of the pieces of a part."""
-        from ..drape.trimming import shares_inside
+        from ..nets.trimming import shares_inside
 
         pieces, angles, areas, centres, whole = [], [], [], [], 0.0
         for k, (net, mask) in enumerate(part.pieces):
@@ -189,7 +186,7 @@ def figures_of(
 
 def _warp_deg(tool: "TriangleMesh", net: "Net") -> float:
     """Angle of the first warp thread to the x axis of the tool at the start."""
-    from ..drape import Axes
+    from ..nets.fibres_in_space import Axes
 
     i, j = net.start
     x = net.positions

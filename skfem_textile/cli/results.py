@@ -9,13 +9,16 @@ import numpy as np
 from numpy import ndarray
 
 from ..cases.schema import Output
-from ..drape import Axes, FlatPattern, Sheet, ToolMesh, fibres_on_tool, flat_pattern
 from ..mesh.checks import MeshError
 from ..mesh.requirements import is_installed, lacks
 from ..mesh.user_input import printable
+from ..nets.fibres_in_space import Axes, fibres_on_tool
+from ..nets.flat_pattern import FlatPattern, flat_pattern
+from ..nets.sheet import Sheet
 from ..scenes import Scene
 from ..solve.quantities import Quantity
 from ..solve.result import Result, StepError
+from ..surfaces.tool_mesh import ToolMesh
 from .curve import (
     ANGLE,
     DISPLACEMENT,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy import ndarray
     from skfem import Mesh
 
-    from ..drape import TriangleMesh
+    from ..surfaces.triangle_mesh import TriangleMesh
 
 MeshOrKind: TypeAlias = "str | Mesh"
 

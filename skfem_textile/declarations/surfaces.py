@@ -17,7 +17,7 @@ else:
 _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
-@declaration("drape.surfaces", eq=False)
+@declaration("surfaces.analytic", eq=False)
 class Plane:
     """plane"""
 
@@ -25,7 +25,7 @@ class Plane:
     normal: Vector = key("normal of any length", default=_UP)
 
 
-@declaration("drape.surfaces", eq=False)
+@declaration("surfaces.analytic", eq=False)
 class Sphere:
     """sphere"""
 
@@ -33,7 +33,7 @@ class Sphere:
     centre: Vector = mm("centre of the sphere", default=_ORIGIN, in_file=REQUIRED)
 
 
-@declaration("drape.surfaces", eq=False)
+@declaration("surfaces.analytic", eq=False)
 class Cylinder:
     """cylinder"""
 
@@ -44,7 +44,7 @@ class Cylinder:
     axis: Vector = key("direction of the axis", default=(0.0, 1.0, 0.0))
 
 
-@declaration("drape.surfaces", eq=False)
+@declaration("surfaces.analytic", eq=False)
 class Cone:
     """cone"""
 
@@ -53,7 +53,7 @@ class Cone:
     axis: Vector = key("direction from the apex into the cone", default=_UP)
 
 
-@declaration("drape.surfaces", eq=False)
+@declaration("surfaces.analytic", eq=False)
 class Torus:
     """torus"""
 
@@ -63,7 +63,7 @@ class Torus:
     axis: Vector = key("direction of the axis", default=_UP)
 
 
-@declaration("drape.punch_and_die", eq=False)
+@declaration("surfaces.punch_and_die", eq=False)
 class Punch:
     """shaft with a hemispherical end"""
 
@@ -72,7 +72,7 @@ class Punch:
     axis: Vector = key("direction from the shaft to the tip", default=_UP)
 
 
-@declaration("drape.punch_and_die", eq=False)
+@declaration("surfaces.punch_and_die", eq=False)
 class Die:
     """plane with a round hole and a fillet"""
 

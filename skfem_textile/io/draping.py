@@ -10,21 +10,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..drape import (
-    SAME_AXES,
-    Axes,
-    FibresInSpace,
-    FlatPattern,
-    Pieces,
-    SeamLine,
-    Sheet,
-    ToolMesh,
-    fibres_on_ply,
-)
 from ..fabric.directions import FibreDirections
 from ..mesh.requirements import require
 from ..mesh.user_input import printable
+from ..nets.fibres_in_space import (
+    SAME_AXES,
+    Axes,
+    FibresInSpace,
+    fibres_on_ply,
+)
+from ..nets.flat_pattern import FlatPattern, SeamLine
+from ..nets.sheet import Pieces, Sheet
 from ..solve.result import Result
+from ..surfaces.tool_mesh import ToolMesh
 from .abaqus import deck_of
 from .directions import write_directions
 from .results import cell_fields, on_users_elements

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
-from ..drape import Axes, wrinkle_risk
-from ..forming import (
+from ..contact import (
     areal_weight,
     box_of,
     contacts,
@@ -15,7 +14,9 @@ from ..forming import (
     pressing,
     tool_pressure,
 )
-from ..forming.contact import flat_thickness
+from ..contact.risks import wrinkle_risk
+from ..contact.touching import flat_thickness
+from ..nets.fibres_in_space import Axes
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State

@@ -13,21 +13,20 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..drape import (
-    SAME_AXES,
-    Axes,
+from ..contact.risks import (
     beyond_edges,
     bridging,
     contact_pressure,
     wrinkle_risk,
 )
 from ..forms.fields import FabricOnBasis
+from ..nets.fibres_in_space import SAME_AXES, Axes
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from ..ply.terms import ContactTerm
 from ..solve.result import Result
 from ..solve.states import State
-from ..solve.surface import Surface
+from ..surfaces.surface import Surface
 from .file_numbers import word_of
 from .vtk import write_grid, write_series
 
@@ -216,13 +215,13 @@ def write_history(
     """Write the history of a run as CSV, one row per converged state.
 
     Vectors of a ply in space are converted to the coordinates in which the ply has the
-    ``axes``.  A ply between tools adds the columns of `forming.tool_history`.
+    ``axes``.  A ply between tools adds the columns of `contact.tool_history`.
     Numbers have 12 significant digits; `Result.history` has full precision.
     """
     in_space = len(result.ply.nodal(result.u)) == 3
     rows = result.history(axes.turn if in_space else None)
     if has_tools(result.ply):
-        from ..forming import tool_history
+        from ..contact import tool_history
 
         of_tools = tool_history(result)
         for i, row in enumerate(rows):

@@ -11,12 +11,12 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy import ndarray
 
-from ..drape import ToolMesh, TriangleMesh
-from ..drape.tool_mesh import cut_in_two
 from ..mesh.checks import MeshError
 from ..mesh.other_packages import without_messages
 from ..mesh.requirements import lacks
 from ..mesh.user_input import IN_MM, printable, refuse_unit
+from ..surfaces.tool_mesh import ToolMesh, cut_in_two
+from ..surfaces.triangle_mesh import TriangleMesh
 from .file_numbers import errors_about, from_words
 from .meshes import (
     CELL_NAMES,

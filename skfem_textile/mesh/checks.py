@@ -9,7 +9,7 @@ from skfem import Element, ElementQuad1, ElementTriP1, Mesh
 from skfem.helpers import det
 
 from .bases import GAUSS
-from .contact import boundary_of, cells_within, contact_of
+from .overlap import boundary_of, cells_within, contact_of
 from .scikit_fem import with_names
 from .selection import named_nodes
 

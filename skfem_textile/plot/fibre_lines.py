@@ -13,9 +13,9 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix, identity
 from scipy.sparse.linalg import spsolve
 
-from ..drape.tool_mesh import cut_in_two
 from ..mesh.graph import components
 from ..mesh.splitting import edges_of
+from ..surfaces.tool_mesh import cut_in_two
 
 # Weight of A·∇ψ = 0.  Chosen: lines deviate by less than their width from the fibres.
 _ALONG = 1e3

@@ -8,7 +8,6 @@ import numpy as np
 from numpy import ndarray
 from skfem import AbstractBasis
 
-from ..drape.tool_mesh import triangles_within
 from ..fabric import Fabric
 from ..forms.fields import FabricOnBasis, on_basis
 from ..io.results import cell_fields, has_tools, point_fields
@@ -16,12 +15,13 @@ from ..mesh.user_input import with_article
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
-from ..solve.surface import Surface
+from ..surfaces.surface import Surface
+from ..surfaces.tool_mesh import triangles_within
 from .fibre_lines import Fibres
 from .sheet import LIGHT, Scale, Shape, Tool, eye_axes, in_perspective
 
 if TYPE_CHECKING:
-    from ..forming import PlacedTool
+    from ..contact import PlacedTool
 
 
 #: A result; or, as three arguments, a basis, its DOF vector and a fabric.
@@ -226,7 +226,7 @@ def _tools_between(
             numbers.setdefault(result.ply, []).append(i)
     tools = {}
     for ply, of_ply in numbers.items():
-        from ..forming import box_of, placed_tools
+        from ..contact import box_of, placed_tools
 
         box = box_of(ply, [states[i] for i in of_ply])
         factors = [states[i].load_factor for i in of_ply]

@@ -15,9 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy import ndarray
 
-from ..drape import wrinkle_risk
-from ..drape.tool_mesh import cut_in_two
-from ..forming import (
+from ..contact import (
     PlacedTool,
     areal_weight,
     contacts,
@@ -25,10 +23,12 @@ from ..forming import (
     tool_forces,
     travels,
 )
-from ..forming.figures import PARTS, mirror_images
+from ..contact.figures import PARTS, mirror_images
+from ..contact.risks import wrinkle_risk
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
+from ..surfaces.tool_mesh import cut_in_two
 from .curves import COLOURS, curves
 from .fields import FIELDS, fibres_of, refuse_other_than_result
 from .layout import COLUMN, PAGE

@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from numpy import ndarray
 
-from ..drape.tool_mesh import cut_in_two
 from ..io.results import fields_in
 from ..mesh.requirements import is_installed
 from ..solve.result import Result
+from ..surfaces.tool_mesh import cut_in_two
 from .drawing import pyvista_drawing
 from .fields import (
     Drawn,

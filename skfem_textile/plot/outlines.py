@@ -15,7 +15,7 @@ from .picture_files import picture_path, save
 from .style import figure_style
 
 if TYPE_CHECKING:
-    from ..singular import Outline, SingularFibres
+    from ..outlines import Outline, SingularFibres
 
 # Lines by kind, distinct in grey: by their dashes and widths in points.
 _LINES: dict[str, dict[str, Any]] = {

@@ -11,7 +11,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 from skfem import Mesh
 
-from ..mesh.contact import signed_areas
+from ..mesh.overlap import signed_areas
 from ..mesh.splitting import boundary_edges, edges_of
 from .fibre_lines import Fibres
 

@@ -126,7 +126,7 @@ class ElementTerm(Term):
 #: that nothing touches, and has no force.  It is far above the round-off of the contact
 #: stiffness, and far below the stiffness of the free corners of a slack ply: with 1e-9
 #: and a bending stiffness of 0.15 N·mm at 3·10⁵ N/mm they do not converge (`pytest
-#: tests/forming/test_stiff_fibres.py`).
+#: tests/contact/test_stiff_fibres.py`).
 STIFFNESS_OF_GAP = 1e-12
 
 

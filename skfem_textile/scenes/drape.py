@@ -13,11 +13,14 @@ from skfem import Mesh
 
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
-from ..drape import Axes, Net, ToolMesh, TriangleMesh
-from ..drape.sheet import boundary_edges
-from ..mesh.contact import signed_areas
 from ..mesh.graph import components
-from ..solve.surface import OffSurfaceError, onto
+from ..mesh.overlap import signed_areas
+from ..nets.crossings import Net
+from ..nets.fibres_in_space import Axes
+from ..surfaces.surface import OffSurfaceError, onto
+from ..surfaces.tool_mesh import ToolMesh
+from ..surfaces.triangle_mesh import TriangleMesh
+from ..surfaces.triangles import boundary_edges
 from .draped_ply import draped_ply, warn_of_net
 from .scene import Scene, with_parameters
 

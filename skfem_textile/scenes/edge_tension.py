@@ -21,11 +21,11 @@ from scipy.sparse import csr_matrix
 from skfem import BilinearForm, CellBasis, FacetBasis, LinearForm, Mesh, asm
 from skfem.helpers import dot
 
-from ..drape import Net, NetError
 from ..fabric.law import Law
+from ..nets.crossings import Net, NetError
 from ..ply.parameters import TermParameters, Values
 from ..ply.terms import Term
-from ..solve.surface import OnSurface
+from ..solve.on_surface import OnSurface
 from .flat_ply import free_edges
 from .on_tool import CELLS, net_over
 

@@ -21,30 +21,23 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, FacetBasis, LinearForm, Mesh, asm
 
+from ..contact import Holder, Tool, contacts
+from ..contact.tool import refuse_extent
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
-from ..drape import (
-    SAME_AXES,
-    Axes,
-    Die,
-    Height,
-    HeightField,
-    Plane,
-    Punch,
-    ToolMesh,
-    TriangleMesh,
-)
-from ..drape import double_dome as dome
-from ..drape.surfaces import positive_length
-from ..forming import Holder, Tool, contacts
-from ..forming.tool import refuse_extent
 from ..mesh.checks import MeshError
 from ..mesh.user_input import real_numbers
+from ..nets.fibres_in_space import SAME_AXES, Axes
 from ..ply.terms import VectorTerm
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
 from ..solve.result import Result
-from ..solve.surface import Surface
+from ..surfaces.analytic import Height, HeightField, Plane, positive_length
+from ..surfaces.analytic import double_dome as dome
+from ..surfaces.punch_and_die import Die, Punch
+from ..surfaces.surface import Surface
+from ..surfaces.tool_mesh import ToolMesh
+from ..surfaces.triangle_mesh import TriangleMesh
 from .flat_ply import flat_ply, free_edges, in_planes
 from .scene import Scene, with_parameters
 

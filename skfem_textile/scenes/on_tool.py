@@ -6,21 +6,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..drape import (
-    Axes,
-    Net,
+from ..contact.risks import (
+    COARSE,
     beyond_edges,
     bridging,
     contact_pressure,
-    net,
     off_triangles,
+    share_of_area,
     turn_of_normal,
 )
-from ..drape.risks import COARSE, share_of_area
+from ..nets.crossings import Net
+from ..nets.fibres_in_space import Axes
+from ..nets.kinematic_net import net
 from ..solve.conditions import Condition
+from ..solve.on_surface import OnSurface
 from ..solve.quantities import Quantity
 from ..solve.result import Result, components_mm
-from ..solve.surface import OnSurface, Surface
+from ..surfaces.surface import Surface
 
 #: Number of cells of a net along the longer side of the ply.  Chosen: the error of the
 #: thread directions at the edges is 1e-4.

@@ -74,7 +74,7 @@ def rectangle(
         raise ValueError(f"seed must be at least 0, got {seed}")
 
     if kind == "aligned":
-        from ..singular import mesh_along_fibres  # shapely is slow to import
+        from ..outlines import mesh_along_fibres
 
         outline = [[0.0, width, width, 0.0], [0.0, 0.0, height, height]]
         A1, A2 = ((np.cos(angle), np.sin(angle)) for angle in (warp, weft))

@@ -10,22 +10,22 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..drape import SAME_AXES, Axes, wrinkle_risk
-from ..drape.risks import most_compressed, share_of_area
+from ..contact.risks import most_compressed, share_of_area, wrinkle_risk
 from ..fabric import Fabric, Law, is_zero
+from ..nets.fibres_in_space import SAME_AXES, Axes
 from ..solve.conditions import Condition
+from ..solve.on_surface import OnSurface
 from ..solve.quantities import Quantity
 from ..solve.result import Driven, Result
 from ..solve.states import State
-from ..solve.surface import OnSurface
 from .shear_test import BiasTest, FrameTest
 
 if TYPE_CHECKING:
-    from ..forming import Holder, Tool
+    from ..contact import Holder, Tool
+    from ..outlines import Outline
     from ..ply import Ply
     from ..ply.builtin_terms import FibreEnd
     from ..ply.terms import Load
-    from ..singular import Outline
 
 ExactField = Callable[[ndarray, float], ndarray]
 
@@ -231,7 +231,7 @@ class Scene:
             raise ValueError(
                 f"the scene {self.name} is in space: its mesh cannot be graded"
             )
-        from ..singular import Outline, mesh_outline  # shapely is slow to import
+        from ..outlines import Outline, mesh_outline
 
         fabric = replace(fabric, warp=self.warp, weft=self.weft)
         outline = Outline.of_mesh(self.mesh) if outline is None else outline

@@ -7,8 +7,13 @@ import numpy as np
 from numpy import ndarray
 
 from ..declarations import scenes as declared
-from ..drape import Cylinder, Height, HeightField, Sphere
-from ..drape import double_dome as tool
+from ..surfaces.analytic import (
+    Cylinder,
+    Height,
+    HeightField,
+    Sphere,
+)
+from ..surfaces.analytic import double_dome as tool
 from .draped_ply import draped_ply
 from .scene import Scene, with_parameters
 

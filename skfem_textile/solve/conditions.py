@@ -16,8 +16,8 @@ from ..fabric import Direction, unit_vectors
 from ..mesh.bases import components, node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
-from .surface import OnSurface
-from .surface.nodes import SurfaceNodes
+from .on_surface import OnSurface
+from .surface_nodes import SurfaceNodes
 
 Value: TypeAlias = (
     ArrayLike | Sequence[ArrayLike | None] | Callable[[ndarray, float], ndarray]

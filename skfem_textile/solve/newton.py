@@ -43,7 +43,7 @@ _BETWEEN_TOOLS = 5
 # Number of increments between tools that may follow one that did not decrease the
 # energy, the last of which must have decreased it.  Chosen: with fewer, a slack ply of
 # stiff fibres takes more than twice as many solves, with more as many (`pytest
-# tests/forming/test_stiff_fibres.py` bounds the solves with 8).
+# tests/contact/test_stiff_fibres.py` bounds the solves with 8).
 _WATCHED = 8
 
 #: Update of the parameters of an iterate.

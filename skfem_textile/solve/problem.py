@@ -23,7 +23,7 @@ from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System
 from .states import NoEquilibriumError
 from .supports import reactions
-from .surface.nodes import SurfaceNodes
+from .surface_nodes import SurfaceNodes
 
 #: Relative round-off of a number.
 EPSILON = 2.0**-53

@@ -13,15 +13,16 @@ from numpy import ndarray
 from ..mesh.user_input import CopiedError
 from ..ply import Ply
 from ..ply.terms import ContactTerm
+from ..surfaces.surface import Surface
 from .conditioning import compression_warning
 from .conditions import Conditions
 from .continuation import path_warning
 from .interval import ErrorInterval
 from .linear.solver import Choice
+from .on_surface import OnSurface
 from .quantities import OF_PLY, Quantity, first_rows
 from .search import state_at
 from .states import State
-from .surface import OnSurface, Surface
 
 #: Warning of a run in which nothing changes with the load factor.
 UNCHANGING = (
@@ -311,7 +312,7 @@ class Result:
         "by the numerical stiffness"; if both are None it begins with "none: " and
         states the reason.  For a ply that is deformed by a tool alone, only the error
         of the shear angle is available.  For a ply between tools, the figures of
-        `skfem_textile.forming.formed` follow; `warnings`, if there are any, are last.
+        `skfem_textile.contact.formed` follow; `warnings`, if there are any, are last.
         """
         ply, u, state = self.ply, self.u, self.states[-1]
         verdict, shares, error = state.verdict, state.shares, self.error

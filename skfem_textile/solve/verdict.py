@@ -64,7 +64,7 @@ _CORNER_SHARE = 0.01
 # mesh does not resolve the surface: the gap of an arc of one radian, or of a square on
 # a sphere with sides of half the radius.  Measured: at a fillet with a radius of one
 # element size it is 0.13 to 0.15, with twice that radius 0.08 to 0.09 (`pytest
-# tests/drape/test_between_nodes.py`).
+# tests/scenes/drape/test_between_nodes.py`).
 _GAP = 0.125
 
 

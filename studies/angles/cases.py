@@ -21,6 +21,7 @@ from skfem import Mesh, MeshTri
 
 from skfem_textile.fabric import Fabric, Law, Linear, Sin2
 from skfem_textile.mesh.checks import with_edges
+from skfem_textile.outlines.net import cut_cells
 from skfem_textile.ply import Ply
 from skfem_textile.ply.formulations import Full, Quadratic
 from skfem_textile.ply.ply import DEFAULT
@@ -28,7 +29,6 @@ from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.singular.net import cut_cells
 from skfem_textile.solve.result import Result
 from skfem_textile.solve.stepper import LoadStepper
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from skfem_textile.solve.result import Result, StepError
 from skfem_textile.solve.stepper import LoadStepper
-from skfem_textile.solve.sweep import WorkerProcesses
 from skfem_textile.solve.tolerance import ToleranceStepper
+from skfem_textile.sweep import WorkerProcesses
 
 #: Environment variables that limit linear-algebra libraries to one thread.
 ONE_THREAD = dict.fromkeys(

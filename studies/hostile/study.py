@@ -11,14 +11,14 @@ from typing import NamedTuple
 from tests.calibration import test_hostile_recordings as recordings
 from tests.cli import test_disturbed_runs as disturbed_runs
 from tests.cli import test_hostile_runs as runs
+from tests.contact import test_hostile_free_plies as free_plies
+from tests.contact import test_hostile_holders as holders
 from tests.fabric import test_hostile_tables as tables
-from tests.forming import test_hostile_free_plies as free_plies
-from tests.forming import test_hostile_holders as holders
 from tests.helpers.hostile import Family
 from tests.io import test_hostile_decks as decks
 from tests.io import test_hostile_mesh_files as mesh_files
 from tests.mesh import test_hostile_meshes as meshes
-from tests.singular.drawings import test_hostile_drawings as drawings
+from tests.outlines.drawings import test_hostile_drawings as drawings
 from tests.solve import test_hostile_arguments as arguments
 from tests.solve import test_hostile_intervals as intervals
 from tests.solve.checkpoint import test_hostile_checkpoints as checkpoints

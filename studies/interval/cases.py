@@ -32,10 +32,10 @@ from skfem_textile import (
     singular_fibres,
 )
 from skfem_textile.io import read_mesh
+from skfem_textile.outlines.meshing import FINEST, irregular
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.singular.meshing import FINEST, irregular
 from skfem_textile.solve.interval import work_of
 
 from ..singular_fibres import cases as nets

@@ -22,7 +22,7 @@ from skfem_textile import (
     singular_fibres,
 )
 from skfem_textile.fabric import kinematics
-from skfem_textile.singular.meshing import FINEST, SINGULAR, irregular
+from skfem_textile.outlines.meshing import FINEST, SINGULAR, irregular
 
 from ..study import Row
 from . import cases

@@ -12,7 +12,7 @@ from skfem import Mesh
 
 from skfem_textile import Condition, Fabric, Outline, mesh_outline, singular_fibres
 from skfem_textile.mesh.checks import check_mesh
-from skfem_textile.singular.meshing import FINEST, SINGULAR, irregular
+from skfem_textile.outlines.meshing import FINEST, SINGULAR, irregular
 
 from ..study import Row
 

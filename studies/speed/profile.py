@@ -28,14 +28,11 @@ _RADIUS, _FLANGE, _RINGS, _SECTORS = 50.0, 50.0, 30, 60
 #: Modules or packages of each part, relative to the library; the innermost match on the
 #: stack counts, and the last part is for everything else in the library.
 PARTS: dict[str, tuple[str, ...]] = {
-    "tool surface": (
-        *("drape.triangle_mesh", "drape.quadrics", "drape.repair", "drape.sewing"),
-        *("drape.surfaces", "solve.surface"),
-    ),
-    "kinematic nets": ("drape.kinematic_net", "drape.sheet"),
+    "tool surface": ("surfaces", "solve.surface_nodes"),
+    "kinematic nets": ("nets",),
     "factorisation and solution": ("solve.linear",),
     "assembly": ("ply", "forms", "fabric", "mesh.pattern"),
-    "mesh": ("mesh", "scenes", "singular"),
+    "mesh": ("mesh", "scenes", "outlines"),
     "fit": ("calibration",),
     "plots": ("plot", "calibration.figure"),
     "files": ("io", "cases", "cli"),

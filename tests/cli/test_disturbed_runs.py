@@ -39,7 +39,7 @@ from skfem_textile.io import (
     write_summary,
 )
 from skfem_textile.scenes import strip
-from skfem_textile.solve.sweep import sweep
+from skfem_textile.sweep import sweep
 from tests.helpers.command_line import QUICK
 from tests.helpers.hostile import (
     RIGHT,

@@ -42,7 +42,7 @@ from skfem_textile import (
 )
 from skfem_textile.solve.linear import SOLVERS
 from skfem_textile.solve.states import NoEquilibriumError
-from skfem_textile.solve.surface import OffSurfaceError
+from skfem_textile.surfaces.surface import OffSurfaceError
 
 COPIES = [deepcopy, lambda x: pickle.loads(pickle.dumps(x))]
 MESH = MeshQuad().refined(1).scaled(100.0).with_defaults()

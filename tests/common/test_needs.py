@@ -162,13 +162,13 @@ ABILITIES = {
     "from skfem_textile import Outline": (
         "a mesh of an outline requires shapely: pip install 'skfem-textile[outlines]'"
     ),
-    "from skfem_textile.forming import outline; outline.crossing_edges(None)": (
+    "from skfem_textile.contact import outline; outline.crossing_edges(None)": (
         "the outline of a tool requires shapely: pip install 'skfem-textile[outlines]'"
     ),
     "from skfem_textile.cases import case_from_file": (
         "a case file requires tomli_w: pip install 'skfem-textile[cli]'"
     ),
-    "from skfem_textile.solve.sweep import sweep; next(sweep(abs, [1], None))": (
+    "from skfem_textile.sweep import sweep; next(sweep(abs, [1], None))": (
         "a sweep requires threadpoolctl: pip install 'skfem-textile[sweep]'"
     ),
     "from skfem_textile import plot; plot.curves": (

@@ -12,8 +12,8 @@ from skfem import BilinearForm, Functional, LinearForm, MeshQuad, MeshTri
 
 from skfem_textile import BiaxialLaw, Forms, Full, Macro, OnePoint, Quadratic, Values
 from skfem_textile.mesh.splitting import cut, split
+from skfem_textile.outlines.net import cut_cells
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.singular.net import cut_cells
 
 ONE_QUAD = np.array([[0.0, 2.0, 2.3, -0.2], [0.0, 0.3, 1.7, 1.4]])
 

@@ -8,8 +8,8 @@ import meshio
 import numpy as np
 
 from skfem_textile.drape import Axes, FlatPattern
-from skfem_textile.drape.flat_pattern import SeamLine
 from skfem_textile.io import forming, write_pattern
+from skfem_textile.nets.flat_pattern import SeamLine
 
 OUTLINE = np.array([[0.0, 40.0, 40.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
 ON_TOOL = np.vstack([OUTLINE[::-1], np.arange(4.0)])

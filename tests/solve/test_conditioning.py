@@ -16,9 +16,9 @@ from skfem_textile import (
     TensionOnly,
     mesh_outline,
 )
+from skfem_textile.outlines import Outline
 from skfem_textile.scenes import bias_extension, picture_frame, strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.singular import Outline
 from skfem_textile.solve.conditioning import compression_warning
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named

@@ -28,10 +28,10 @@ from skfem_textile import (
     equilibrium_near,
     mesh_outline,
 )
+from skfem_textile.outlines import Outline
 from skfem_textile.ply.parameters import Frozen
 from skfem_textile.scenes import bias_extension, picture_frame
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.singular import Outline
 from skfem_textile.solve import interval
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.interval import work_of

@@ -22,8 +22,10 @@ from skfem_textile import (
     Tool,
     drape,
     equilibrium_near,
-    forming,
     scenes,
+)
+from skfem_textile import (
+    contact as forming,
 )
 from skfem_textile.mesh.bases import GAUSS, quad_basis
 from skfem_textile.mesh.selection import with_named_nodes

@@ -2,7 +2,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from skfem_textile.solve.sweep import WorkerProcesses
+from skfem_textile.sweep import WorkerProcesses
 from tests.helpers.sweep_cases import process_pool
 
 KINDS = {

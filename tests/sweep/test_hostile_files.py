@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from hypothesis import strategies as st
 
-from skfem_textile.solve.sweep import sweep
+from skfem_textile.sweep import sweep
 from tests.helpers.hostile import (
     RIGHT,
     Family,

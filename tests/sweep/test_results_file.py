@@ -8,7 +8,7 @@ from threading import Event
 import numpy as np
 import pytest
 
-from skfem_textile.solve.sweep import sweep
+from skfem_textile.sweep import sweep
 from tests.helpers import full_disk
 from tests.helpers.sweep_cases import lines
 from tests.sweep.calls import square
@@ -151,7 +151,7 @@ def test_a_full_disk_is_reported_and_the_next_sweep_continues(out, thread, monke
     results = sweep(square, range(3), thread, out=out)
     next(results)
     with monkeypatch.context() as patch:
-        patch.setattr("skfem_textile.solve.sweep.open", full_disk, raising=False)
+        patch.setattr("skfem_textile.sweep.open", full_disk, raising=False)
         with pytest.raises(OSError, match=message):
             next(results)
     assert len(lines(out)) == 1

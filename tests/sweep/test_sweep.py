@@ -16,12 +16,8 @@ from threading import Event
 
 import pytest
 
-from skfem_textile.solve.sweep import (
-    SweepError,
-    WorkerProcesses,
-    sweep,
-)
 from skfem_textile.solve.threads import solver_threads
+from skfem_textile.sweep import SweepError, WorkerProcesses, sweep
 from tests.helpers.sweep_cases import is_alive, lines, process_pool, wait_until
 from tests.sweep import calls
 
@@ -54,7 +50,7 @@ def test_messages_during_a_call_name_its_case(executor):
 INTERRUPTED = """
 import sys
 from pathlib import Path
-from skfem_textile.solve.sweep import WorkerProcesses, sweep
+from skfem_textile.sweep import WorkerProcesses, sweep
 from tests.sweep.calls import takes_long
 
 if __name__ == "__main__":
@@ -217,7 +213,7 @@ def test_five_of_many_failures_are_named_and_all_are_counted(thread):
 
 
 def test_cases_are_drawn_as_they_are_needed(monkeypatch):
-    module = import_module("skfem_textile.solve.sweep")
+    module = import_module("skfem_textile.sweep")
     monkeypatch.setattr(module, "_MAX_PENDING", 8)
     counter = iter(range(9999))
     with ThreadPoolExecutor(2) as executor:
@@ -254,7 +250,7 @@ def test_the_example_starts_a_separate_cluster(tmp_path):
 
 KILLED = """
 import os, time
-from skfem_textile.solve.sweep import WorkerProcesses
+from skfem_textile.sweep import WorkerProcesses
 
 if __name__ == "__main__":
     with WorkerProcesses(1) as executor:

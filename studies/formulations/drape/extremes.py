@@ -38,8 +38,8 @@ from skfem_textile.solve.problem import Problem
 from skfem_textile.solve.result import StepError
 from skfem_textile.solve.states import NoEquilibriumError, State
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
-from skfem_textile.solve.surface import distance, onto
 from skfem_textile.solve.verdict import excess
+from skfem_textile.surfaces.surface import distance, onto
 
 from ...common.tables import Row
 from . import cases

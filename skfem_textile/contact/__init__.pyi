@@ -1,0 +1,33 @@
+"""Public names, which the package imports on first use."""
+
+from .touching import (
+    SmallestGap as SmallestGap,
+    contacts as contacts,
+    nodes_in_contact as nodes_in_contact,
+    pressing as pressing,
+    smallest_gap as smallest_gap,
+    tool_force as tool_force,
+    tool_pressure as tool_pressure,
+    touching as touching,
+    turn_on_tool as turn_on_tool,
+)
+from .figures import (
+    formed as formed,
+    tool_forces as tool_forces,
+    tool_history as tool_history,
+    travel as travel,
+    travels as travels,
+)
+from .holder import Holder as Holder
+from .placed import (
+    PlacedTool as PlacedTool,
+    box_of as box_of,
+    placed_tools as placed_tools,
+)
+from .shape import (
+    DrawIn as DrawIn,
+    areal_weight as areal_weight,
+    draw_in as draw_in,
+    fibre_curvature as fibre_curvature,
+)
+from .tool import Tool as Tool

@@ -1,0 +1,255 @@
+"""Checks of tools before a run: room for the ply between them, and contact with it."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+from numpy import ndarray
+
+from ..ply import Ply
+from ..solve.on_surface import SurfaceError
+from ..solve.problem import OPPOSITE
+from .tool import Obstacle, ToolContact, no_reach
+from .touching import Pressing, pressing
+
+# Penetration relative to the size of the ply that is round-off, and most projections of
+# a point onto a tool, which are exact to first order.
+_FREE, _MOST = 1e-6, 20
+
+# Number of intervals in which tools push points along.  Chosen: tools pass over no
+# point if they move by less than their size in an interval.
+_PUSHES = 4
+
+# Number of intervals between the load factors of which contact is checked.  Chosen:
+# tools that touch the ply move through its plane, and stay beyond it for longer.
+_INTERVALS = 40
+
+# Largest deviation of a tool from its mirror image, relative to the size of the ply,
+# and to the mean edge of its triangles.  Chosen: 0.015 mm of 150 mm, above the rounding
+# of positions; the smooth surfaces of symmetric shapes with irregular triangles deviate
+# by 0.06 of the edge around fillets of two edges, and by 0.12 around fillets of one.
+_ASYMMETRIC, _OF_TRIANGLES = 1e-4, 0.2
+
+# Load normal to the ply, relative to all loads, that is round-off.
+_ROUND_OFF = 1e-9
+
+
+def check_tools(ply: Ply, moved: bool = False) -> None:
+    """Refuse tools without room for a ply, without contact, or without its symmetry.
+
+    `LoadStepper` calls it before each run.  Each tool pushes the nodes along from load
+    factor 0 to 1.  A node that one tool pushes into another on the opposite side of the
+    ply has no room, because the two tools cross.
+
+    Parameters
+    ----------
+    ply
+        Ply with tools; one without is valid.
+    moved
+        True if conditions prescribe displacements.
+
+    Raises
+    ------
+    ValueError
+        If there is no room for a node, if the whole undeformed ply is behind the
+        surface of a tool, if a tool is not symmetric about a plane of symmetry of the
+        fibres (``fibre_ends``), or if nothing touches the ply: no tool at any load
+        factor, and no load or condition moves the ply out of its plane.
+        The message names the tools and, if there is no room, the node, its position and
+        the penetration.
+
+    Examples
+    --------
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import Fabric, Ply, Tool, drape
+    >>> from skfem_textile.contact.checks import check_tools
+    >>> mesh = MeshQuad().refined(3).scaled(100.0)
+    >>> tools = [
+    ...     Tool(drape.Plane((0, 0, -1)), motion=(0, 0, 4), name="punch"),
+    ...     Tool(drape.Plane((0, 0, 2)), name="die"),
+    ... ]
+    >>> check_tools(Ply(mesh, Fabric(1e4, 0.1), terms=tools, dimension=3))
+    Traceback (most recent call last):
+    ValueError: tools 'punch' and 'die' leave no room for the ply at load factor 1: ...
+    """
+    tools = [term for term in ply.terms if isinstance(term, ToolContact)]
+    if not tools:
+        return
+    for tool in tools:
+        if tool._obstacle.reach is None:  # holders may close from far away
+            _refuse_behind(ply, tool)
+    _refuse_asymmetric(ply, pressing(ply))
+    touched = _pushed(ply, tools)
+    if not (touched or moved or _has_normal_load(ply)):
+        _refuse_untouched(ply, tools)
+
+
+def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> bool:
+    """Refuse tools that cross; returns True if they push a node."""
+    X, free = np.pad(ply.nodes, ((0, 1), (0, 0))), _FREE * _size(ply)
+    x, normals = [X] * len(tools), [_normal(x, X) for x in tools]
+    pairs = permutations(range(len(tools)), 2)
+    opposite = [(i, j) for i, j in pairs if normals[i] @ normals[j] < OPPOSITE]
+    touched = False
+    for t in np.linspace(0, 1, _PUSHES + 1).tolist():
+        pushed = [_pushed_out(*pair, t, free) for pair in zip(tools, x, strict=True)]
+        x = [at for at, _ in pushed]
+        touched |= any(nodes.size for _, nodes in pushed)
+        for i, j in opposite:
+            _refuse_crossing(tools[i], tools[j], X, *pushed[i], t, free)
+    return touched
+
+
+def _normal(tool: ToolContact, X: ndarray) -> ndarray:
+    """Initial normal of a tool at the nearest node; zero if it does not reach any."""
+    at = tool._obstacle.gaps(X, 0.0)
+    nearest = int(at.gap.argmin())
+    return np.where(np.isfinite(at.gap[nearest]), at.normal[:, nearest], 0.0)
+
+
+def _pushed_out(
+    tool: ToolContact, x: ndarray, t: float, free: float
+) -> tuple[ndarray, ndarray]:
+    """Points with those inside a tool on its surface, and the numbers of these."""
+    nodes = np.flatnonzero(tool.gaps_at(x, t) < -free)
+    on_tool, gap, _ = _projected(tool._obstacle, x[:, nodes], t, free)
+    x = x.copy()
+    x[:, nodes] = on_tool
+    return x, nodes[np.abs(gap) <= free]
+
+
+def _projected(
+    obstacle: Obstacle, x: ndarray, t: float, free: float
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Points moved to a gap of zero where possible, their gaps and normals."""
+    for _ in range(_MOST):
+        gap, normal, *_ = obstacle.gaps(x, t)
+        off = np.isfinite(gap) & (np.abs(gap) > free)
+        if not off.any():
+            break
+        x = x - np.where(off, gap, 0.0) * normal
+    return x, gap, normal
+
+
+def _refuse_crossing(
+    one: ToolContact,
+    other: ToolContact,
+    X: ndarray,
+    x: ndarray,
+    nodes: ndarray,
+    t: float,
+    free: float,
+) -> None:
+    """Refuse a tool that pushes some nodes X, to points x, into another tool."""
+    depth = np.maximum(-other.gaps_at(x[:, nodes], t), 0.0)
+    if depth.max(initial=0.0) <= 2 * free:
+        return
+    node, most = int(nodes[depth.argmax()]), float(depth.max())
+    raise ValueError(
+        f"tools {one.name!r} and {other.name!r} leave no room for the ply at load "
+        f"factor {t:g}: {one.name!r} pushes node {node}, at {one.place(X[:, node])} in "
+        f"the undeformed ply, {most:.3g} mm into {other.name!r}: reduce the "
+        "travel, enlarge the opening, or move the tools apart"
+    )
+
+
+def _refuse_untouched(ply: Ply, tools: Sequence[ToolContact]) -> None:
+    """Refuse tools that reach the undeformed ply at no load factor."""
+    flat, nearest, name, at = ply.basis.zeros(), np.inf, "", 0.0
+    for t in np.linspace(0, 1, _INTERVALS + 1).tolist():
+        for tool in tools:
+            gap = float(tool.gaps(flat, t).min(initial=np.inf))
+            if gap <= _FREE * _size(ply):
+                return
+            if gap < nearest:
+                nearest, name, at = gap, tool.name, t
+    closest = "all its nodes are beyond the edges or outlines of the tools"
+    if np.isfinite(nearest):
+        closest = (
+            f"the nearest is {name!r}, {nearest:.3g} mm away at load factor {at:g}"
+        )
+    raise ValueError(
+        f"nothing touches the ply at any load factor: {closest}: check positions, "
+        "units and motions of the tools"
+    )
+
+
+def _size(ply: Ply) -> float:
+    """Extent of a ply in mm."""
+    return float(np.ptp(ply.nodes, axis=1).max())
+
+
+def _refuse_asymmetric(ply: Ply, tools: Sequence[Pressing]) -> None:
+    """Refuse tools that are not symmetric, within reach of the ply, about its planes.
+
+    The nodes are moved along with each tool and projected onto every tool.  The mirror
+    images of these points must be on the tool too, unless they are beyond its edges,
+    its outline, or the domain of its functions.
+    """
+    planes = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
+    X = np.pad(ply.nodes, ((0, 1), (0, 0)))
+    for t in np.linspace(0, 1, _PUSHES + 1).tolist() if planes else ():
+        travels = np.unique([tool.travel(t) for tool in tools], axis=0)
+        moved = np.hstack([X + travel[:, None] for travel in travels])
+        for tool in tools:
+            bare = replace(tool._obstacle, reach=no_reach, half=0.0)
+            with suppress(SurfaceError):  # not defined everywhere
+                x = _points_of(bare, moved, t, ply)
+                for name in planes if x.size else ():
+                    off = np.abs(bare.gaps(_mirrored(ply, name, x), t).gap)
+                    _refuse_off(tool, name, x, np.where(np.isinf(off), 0, off), ply, t)
+
+
+def _points_of(bare: Obstacle, x: ndarray, t: float, ply: Ply) -> ndarray:
+    """Points of a surface nearest to others, over a ply and on the side that faces it.
+
+    ``bare`` has neither thickness nor gap.
+    """
+    free = _FREE * _size(ply)
+    x, gap, normal = _projected(bare, x, t, free)
+    low, high = (get(ply.mesh.p, axis=1)[:, None] for get in (np.min, np.max))
+    over = ((x[:2] >= low) & (x[:2] <= high)).all(axis=0) & (np.abs(gap) <= free)
+    x, normal = x[:, over], normal[:, over]
+    return x[:, normal[:, :1].sum(axis=1) @ normal > OPPOSITE]
+
+
+def _mirrored(ply: Ply, name: str, x: ndarray) -> ndarray:
+    """Points mirrored at the plane of a straight boundary of a ply."""
+    mesh = ply.mesh
+    begin, end = mesh.p[:, mesh.facets[:, mesh.boundaries[name][0]]].T
+    n = np.array([begin[1] - end[1], end[0] - begin[0], 0.0]) / np.hypot(*(end - begin))
+    return np.asarray(x - 2 * n[:, None] * (n[:2] @ (x[:2] - begin[:, None])))
+
+
+def _refuse_off(
+    tool: Pressing, boundary: str, x: ndarray, off: ndarray, ply: Ply, t: float
+) -> None:
+    """Refuse distances of mirror images of points x that are not due to rounding."""
+    obstacle, allowed, worst = tool._obstacle, _ASYMMETRIC * _size(ply), off.argmax()
+    if facets := getattr(obstacle.surface, "facets", None):
+        allowed = max(allowed, _OF_TRIANGLES * float(facets.longest_edges().mean()))
+    if off[worst] > allowed:
+        raise ValueError(
+            f"{obstacle.what} is not symmetric about the boundary {boundary!r} of the "
+            f"ply: it is {off[worst]:.3g} mm away from the mirror image of "
+            f"{obstacle.place(x[:, worst])} at load factor {t:g}: compute the whole "
+            "ply, or move the tool"
+        )
+
+
+def _has_normal_load(ply: Ply) -> bool:
+    load = np.abs(ply.nodal(ply.load(ply.basis.zeros(), 1.0)))
+    return bool(load[2].max() > _ROUND_OFF * load.max())
+
+
+def _refuse_behind(ply: Ply, tool: ToolContact) -> None:
+    """Refuse a tool with the whole undeformed ply on the wrong side of its surface."""
+    gaps = tool.gaps(ply.basis.zeros(), 0.0)
+    gaps, free = gaps[np.isfinite(gaps)], _FREE * _size(ply)
+    if gaps.size and gaps.max() <= free and gaps.min() < -free:
+        raise ValueError(
+            f"tool {tool.name!r}: the whole undeformed ply is behind its surface, by "
+            f"up to {-gaps.min():.3g} mm: reverse its side, or move the tool"
+        )

@@ -1,0 +1,330 @@
+"""Figures of a formed ply for summaries, and advice."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..ply import Ply
+from ..solve.quantities import Quantity
+from ..solve.result import Result
+from ..solve.states import State
+from .risks import (
+    COARSE,
+    most_compressed,
+    share_of_area,
+    wrinkle_risk,
+)
+from .shape import areal_weight, draw_in, fibre_curvature
+from .tool import ToolContact
+from .touching import (
+    Pressing,
+    SmallestGap,
+    contacts,
+    flat_thickness,
+    nodes_in_contact,
+    pressing,
+    smallest_gap,
+    tool_force,
+    tool_pressure,
+    touching,
+    turn_on_tool,
+)
+
+# Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
+_RAYS = (0, 45, 90)
+
+
+def formed(result: Result) -> dict[str, Any]:
+    """Figures of the last state of a ply between tools in N, mm and degrees; advice.
+
+    For each tool the last row of `tool_history`; ``NAME_force_on_whole_ply_N``, if a
+    half or quarter of the ply is computed; and, except for holders with a prescribed
+    pressure, ``NAME_penetration_mm``, the largest depth of the ply in the tool between
+    nodes (`smallest_gap`).  Places are in the axes ``stated`` by the tools.  Of the ply
+    the draw-in, the areal weight relative to the flat ply (`areal_weight`), and risks.
+    ``first`` declares the figures that are printed first.
+
+    Parameters
+    ----------
+    result
+        Result of a run.  One that stopped is described at the travel that it reached;
+        ``not_formed`` states it.
+
+    Returns
+    -------
+    dict
+        Empty for a ply without tools.
+    """
+    ply, state = result.ply, result.states[-1]
+    tools = contacts(ply)
+    if not tools:
+        return {}
+    gaps = {x.name: smallest_gap(ply, x, state.u, state.load_factor) for x in tools}
+    deepest = _deepest(tools, gaps)
+    turn = np.degrees(np.max([turn_on_tool(ply, x, state) for x in tools], axis=0))
+    at_risk = wrinkle_risk(ply, state.u, state.parameters)
+    most = most_compressed(ply, state.u, state.parameters)
+    stated = tools[0].stated
+    history = tool_history(result)
+    return {
+        **{name: column[-1].item() for name, column in history.items()},
+        **_of_whole_ply(ply, history),
+        **{f"{name}_penetration_mm": _depth(gap) for name, gap in gaps.items()},
+        **deepest,
+        **_draw_in(ply, state.u),
+        **_areal_weight(ply, state.u),
+        **_curvature(ply, state, tools),
+        "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
+        **({} if most is None else result.place_of(most, "wrinkle_risk_at", stated)),
+        "max_turn_of_normal_deg": float(turn.max()),
+        **(_untouched(ply, history) if result.converged else {}),
+        **_advice(result, tools, turn, at_risk),
+        "first": [quantity.declared() for quantity in _first(result, deepest)],
+    }
+
+
+#: Computed part of a ply by the number of its mirror images.
+PARTS = {2: "half", 4: "quarter"}
+
+# Texts among the figures.
+_NOTES = "not_formed", "untouched_tools", "coarse_elements", "wrinkles"
+
+
+def _first(result: Result, deepest: Mapping[str, float | str]) -> list[Quantity]:
+    """Figures that are printed first; of the tool that travels farthest."""
+    t, ply = result.states[-1].load_factor, result.ply
+    name = max(pressing(ply), key=lambda tool: travel(tool, t)).name
+    parts, of = mirror_images(ply), name.replace("_", " ").capitalize()
+    inside = deepest.get("max_penetration_tool")
+    key, note = f"{name}_force_N", ""
+    if parts in PARTS:
+        key = f"{name}_force_on_whole_ply_N"
+        note = f" on the whole ply, {parts} times that on the computed {PARTS[parts]}"
+    return [
+        Quantity(f"{of} force", key, "N", has_interval=True, note=note),
+        Quantity(f"{of} travel", f"{name}_travel_mm", "mm"),
+        Quantity(
+            *("Largest draw-in", "max_draw_in_mm", "mm", "max_draw_in_at_flat"),
+            at=" in the flat ply at",
+        ),
+        Quantity(
+            *("Largest penetration", "max_penetration_mm", "mm", "max_penetration_at"),
+            note=f" into the tool {inside!r}" if inside else "",
+        ),
+        *(Quantity("Note", key) for key in _NOTES),
+    ]
+
+
+def mirror_images(ply: Ply) -> int:
+    """Number of copies of a ply, by its planes of symmetry, that are the whole ply.
+
+    1 without planes; 2 for one plane, and 4 for two at right angles; 0 if the copies do
+    not fit together.
+    """
+    mesh = ply.mesh
+    names = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
+    ends = np.array([mesh.p[:, mesh.facets[:, mesh.boundaries[x][0]]] for x in names])
+    if len(names) == 2:
+        one, other = ends[..., 1] - ends[..., 0]
+        if abs(one @ other) > _ACROSS * np.linalg.norm(one) * np.linalg.norm(other):
+            return 0
+    return {0: 1, 1: 2, 2: 4}.get(len(names), 0)
+
+
+# Cosine of the angle between two planes above which they are not at right angles.
+_ACROSS = 1e-6
+
+
+def _of_whole_ply(ply: Ply, history: Mapping[str, ndarray]) -> dict[str, float]:
+    """Forces of the tools on the whole ply, if a part of it is computed."""
+    parts = mirror_images(ply)
+    if parts not in PARTS:
+        return {}
+    keys = {x.name: f"{x.name}_force_on_whole_ply_N" for x in pressing(ply)}
+    return {
+        key: parts * history[f"{name}_force_N"][-1].item() for name, key in keys.items()
+    }
+
+
+def tool_history(result: Result) -> dict[str, ndarray]:
+    """Figures of each tool over the states of a run, columns of shape (n_states,).
+
+    ``NAME_travel_mm``, see `travels`; ``NAME_rotation_deg``, if the tool turns, the
+    angle from its initial position; ``NAME_force_N``, see `tool_forces`;
+    ``NAME_nodes_in_contact``, the number of nodes on which the tool presses; and
+    ``NAME_max_pressure_N_per_mm2``, the largest `tool_pressure`.
+
+    Parameters
+    ----------
+    result
+        Result of a run.
+
+    Returns
+    -------
+    dict
+        Empty for a ply without tools.
+    """
+    ply, states = result.ply, result.states
+    tools = pressing(ply)
+    columns: dict[str, ndarray] = {}
+    if not tools:
+        return {}
+    far, forces = travels(result), tool_forces(result)
+    for tool in tools:
+        pressure = [tool_pressure(ply, tool, state).max() for state in states]
+        touched = [nodes_in_contact(tool, state) for state in states]
+        turned = np.degrees([tool.rotation(state.load_factor) for state in states])
+        columns |= {
+            f"{tool.name}_travel_mm": far[tool.name],
+            **({f"{tool.name}_rotation_deg": turned} if turned.any() else {}),
+            f"{tool.name}_force_N": forces[tool.name],
+            f"{tool.name}_nodes_in_contact": np.array(touched),
+            f"{tool.name}_max_pressure_N_per_mm2": np.array(pressure),
+        }
+    return columns
+
+
+def travels(result: Result) -> dict[str, ndarray]:
+    """Distance of each tool from its initial position in mm, by name, (n_states,)."""
+    factors = [state.load_factor for state in result.states]
+    return {
+        x.name: np.array([travel(x, t) for t in factors]) for x in pressing(result.ply)
+    }
+
+
+def tool_forces(result: Result) -> dict[str, ndarray]:
+    """Force of each tool on the ply in N, by name, shape (n_states,).
+
+    The component along the longest travel of a tool in a state, so that the forces of
+    opposite tools have opposite signs; along z if no tool travels.
+    """
+    ply, states, tools = result.ply, result.states, pressing(result.ply)
+    travelled = [x.travel(state.load_factor) for x in tools for state in states]
+    longest = max(travelled, key=np.linalg.norm)
+    length = float(np.linalg.norm(longest))
+    along = longest / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    return {
+        x.name: np.array([tool_force(ply, x, state) @ along for state in states])
+        for x in tools
+    }
+
+
+def travel(tool: Pressing, t: float) -> float:
+    """Distance of a tool from its initial position at a load factor, in mm."""
+    return float(np.linalg.norm(tool.travel(t)))
+
+
+def _depth(least: SmallestGap | None) -> float:
+    return 0.0 if least is None else max(-least.gap, 0.0)
+
+
+def _deepest(
+    tools: Sequence[ToolContact], gaps: dict[str, SmallestGap | None]
+) -> dict[str, float | str]:
+    """Deepest penetration in mm; its tool, place and element, if there is one."""
+    inside = {name: x for name, x in gaps.items() if x is not None and x.gap < 0}
+    if not inside:
+        return {"max_penetration_mm": 0.0}
+    name, deepest = min(inside.items(), key=lambda item: item[1].gap)
+    at = tools[0].stated(deepest.place[:, None])[:, 0]
+    places = zip("xyz", at.tolist(), strict=True)
+    return {
+        "max_penetration_mm": -deepest.gap,
+        "max_penetration_tool": name,
+        **{f"max_penetration_at_{axis}_mm": x for axis, x in places},
+        "max_penetration_element": deepest.element,
+    }
+
+
+def _draw_in(ply: Ply, u: ndarray) -> dict[str, float]:
+    """Largest draw-in, its place in the flat ply, and the draw-in on rays."""
+    drawn = draw_in(ply, u)
+    most = int(drawn.inwards.argmax())
+    x, y = drawn.x[:, most].tolist()
+    figures = {
+        "max_draw_in_mm": float(drawn.inwards[most]),
+        "max_draw_in_at_flat_x_mm": x,
+        "max_draw_in_at_flat_y_mm": y,
+        "min_draw_in_mm": float(drawn.inwards.min()),
+    }
+    for angle in _RAYS:
+        on_ray = drawn.at(np.radians(angle))
+        if on_ray is not None:
+            figures[f"draw_in_at_{angle}_deg_mm"] = on_ray
+    return figures
+
+
+def _areal_weight(ply: Ply, u: ndarray) -> dict[str, float]:
+    """Largest and smallest areal weight relative to the flat ply.
+
+    If a tool states the thickness of the ply also its largest and smallest thickness at
+    constant fibre volume fraction.
+    """
+    ratio, thickness = areal_weight(ply, u), flat_thickness(ply)
+    figures = {
+        "max_areal_weight_ratio": float(ratio.max()),
+        "min_areal_weight_ratio": float(ratio.min()),
+    }
+    if thickness:
+        name = "thickness_at_constant_fibre_fraction_mm"
+        figures[f"max_{name}"] = thickness * float(ratio.max())
+        figures[f"min_{name}"] = thickness * float(ratio.min())
+    return figures
+
+
+def _curvature(
+    ply: Ply, state: State, tools: Sequence[ToolContact]
+) -> dict[str, float]:
+    """Largest curvature of fibres with bending stiffness off all tools."""
+    free = ~np.any([touching(ply, x, state) for x in tools], axis=0)
+    bent = [i for i, D in enumerate(ply.fabric.bending) if np.any(D)]
+    if not bent or not free.any():
+        return {}
+    curvature = np.abs(fibre_curvature(ply, state.u)[bent]).max(axis=0)
+    return {"max_fibre_curvature_off_tools_per_mm": float(curvature[free].max())}
+
+
+def _untouched(ply: Ply, history: Mapping[str, ndarray]) -> dict[str, str]:
+    """Tools that touch the ply in no state."""
+    names = [x.name for x in pressing(ply)]
+    away = [x for x in names if not history[f"{x}_nodes_in_contact"].any()]
+    if not away:
+        return {}
+    never = f"no state touches {', '.join(map(repr, away))}"
+    return {"untouched_tools": f"{never}: check position, motion and unit of length"}
+
+
+def _advice(
+    result: Result, tools: Sequence[ToolContact], turn: ndarray, at_risk: ndarray
+) -> dict[str, str]:
+    """Limitations of the results, and advice; ``turn`` is in degrees."""
+    ply, t = result.ply, result.states[-1].load_factor
+    advice: dict[str, str] = {}
+    if not result.converged:
+        stands = [(x.name, travel(x, t), travel(x, 1.0)) for x in tools]
+        where = ", ".join(
+            f"{name} {far:.4g} of {end:.4g} mm" if end > far else f"{name} {far:.4g} mm"
+            for name, far, end in stands
+            if far or end
+        )
+        advice["not_formed"] = (
+            f"the run stopped at load factor {t:.4g}: the figures describe the ply "
+            f"there, with the tools where they stand then ({where or 'none moves'})"
+        )
+    if (coarse := turn > COARSE).any():
+        advice["coarse_elements"] = (
+            f"the normal of a tool rotates by up to {turn.max():.0f} degrees over one "
+            f"element, and by more than {COARSE:.0f} degrees at "
+            f"{100 * share_of_area(ply, coarse):.3g} % of the ply, so that the ply "
+            "penetrates the tool between nodes: use elements of "
+            f"{COARSE / turn.max():.0%} of the size at fillets"
+        )
+    if at_risk.any():
+        advice["wrinkles"] = (
+            f"fibres are compressed in {100 * share_of_area(ply, at_risk):.3g} % of "
+            "the ply: they may wrinkle, and wrinkles depend on the mesh. Reduce the "
+            "gap of the holder, or increase its pressure or the tension at the edges"
+        )
+    return advice

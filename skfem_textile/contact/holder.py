@@ -1,0 +1,237 @@
+"""Holders, which press a ply on a surface."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
+from skfem import CellBasis
+
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
+from ..ply.parameters import NO_VALUES, TermParameters, Values
+from ..ply.terms import ElementTerm
+from ..solve.on_surface import CheckedSurface, in_axes_of_ply
+from ..surfaces.surface import Surface
+from .outline import shares_inside
+from .tool import (
+    Motion,
+    Obstacle,
+    ToolContact,
+    no_reach,
+    nodal_matrix,
+    placement,
+)
+
+# Number of load factors at which a gap or pressure is validated before a run: every
+# 2.5 % of it.
+_CHECKED = 41
+
+#: A number, or a function of the load factor that returns one.
+Amount: TypeAlias = float | Callable[[float], float]
+
+
+@dataclass(frozen=True, eq=False)
+class Holder:
+    """Blank holder, which keeps a ply near a surface or presses it there.
+
+    Several holders with different outlines are the segments of one.
+
+    Parameters
+    ----------
+    surface
+        Surface towards which the holder presses, usually the flange of a die.
+    gap
+        Distance in mm between holder and surface; or a function of the load factor.
+    pressure
+        Pressure in N/mm² of undeformed area towards the surface, uniform over the part
+        of the ply within the outline; or a function of the load factor.  Either a gap
+        or a pressure is given.
+    motion, side, thickness, outline, name, stated
+        See `Tool`.
+
+    Examples
+    --------
+    A holder that presses with 0.01 N/mm² on the flange of a die above the ply, outside
+    a circle:
+
+    >>> import numpy as np
+    >>> from skfem_textile import Holder, drape
+    >>> t = np.linspace(0, 2 * np.pi, 41)
+    >>> ring = np.hstack([r * np.array([np.cos(t), np.sin(t)]) for r in (200, 90)])
+    >>> die = drape.Plane((0, 0, 0.15))
+    >>> holder = Holder(die, pressure=0.01, side=-1, outline=ring, name="holder")
+    """
+
+    surface: Surface
+    gap: Amount | None = None
+    pressure: Amount | None = None
+    motion: Motion | None = None
+    side: int | None = None
+    thickness: float = 0.0
+    outline: ArrayLike | None = None
+    name: str = "holder"
+    stated: Callable[[ndarray], ndarray] = in_axes_of_ply
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "motion", "outline")
+
+    def on(self, basis: CellBasis) -> "ToolContact | HolderPressure":
+        """Term on a basis of the displacement.
+
+        Raises
+        ------
+        ValueError
+            See `Tool.on`; also if not exactly one of gap and pressure is given, or it
+            is negative, or no part of the ply is within the outline.
+        """
+        what = f"holder {self.name!r}"
+        if (self.gap is None) == (self.pressure is None):
+            raise ValueError(f"{what}: specify either a gap or a pressure")
+        if self.gap is None:
+            pressure = _amount(f"{what}: pressure", self.pressure, 0.0, "N/mm2")
+            obstacle = Obstacle.of(self, basis, no_reach)
+            term: ToolContact | HolderPressure
+            term = HolderPressure(self.name, pressure, obstacle, basis)
+        else:
+            reach = _amount(f"{what}: gap", self.gap, self.thickness, "mm")
+            term = ToolContact(self.name, Obstacle.of(self, basis, reach), basis)
+        if not any(term.reaches(basis.zeros(), t) for t in (0.0, 1.0)):
+            raise ValueError(
+                f"{what}: no part of the undeformed ply is within its edges or "
+                "outline: check the positions and units of holder and ply"
+            )
+        return term
+
+
+class _PressedAreas(TermParameters):
+    """Pressed area of each node over ‖∇φ‖, 0 at nodes out of reach of the surface.
+
+    An element contributes the integrals of its shape functions, times the share of its
+    undeformed area that is within the outline at its present position.
+    """
+
+    def __init__(self, obstacle: Obstacle, basis: CellBasis) -> None:
+        self._outline = obstacle.outline
+        self._obstacle = replace(obstacle, outline=None)
+        self._mesh, self._nodes = basis.mesh, basis.element_dofs[::3] // 3
+        shapes = [np.asarray(basis.basis[i][0])[0] for i in range(0, basis.Nbfun, 3)]
+        self._integrals = np.array([(N * basis.dx).sum(axis=-1) for N in shapes])
+
+    def at_rest(self) -> Values:
+        """Values before the run."""
+        return self.updated(NO_VALUES, np.zeros(self._obstacle.X.size), 0.0)
+
+    def updated(
+        self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
+    ) -> Values:
+        """Values at a displacement."""
+        obstacle, areas = self._obstacle, self._integrals
+        x = obstacle.X + u.reshape(-1, 3).T
+        if self._outline is not None:
+            rotation, translation = placement(obstacle.what, obstacle.motion, t)
+            local = rotation.T @ (x - translation[:, None])
+            corners = local[:2, : self._mesh.nvertices]
+            areas = areas * shares_inside(self._outline, self._mesh, corners)
+        areas = np.bincount(self._nodes.ravel(), areas.ravel(), x.shape[1])
+        nodes = np.flatnonzero(areas)
+        at = obstacle.gaps(x[:, nodes], t)
+        areas[nodes] *= np.isfinite(at.gap) / at.slope
+        return Values({"areas": areas})
+
+
+class HolderPressure(ElementTerm):
+    """Uniform pressure of a holder towards a surface; see `Holder`.
+
+    The energy is Σ p A φ/‖∇φ‖ over the nodes, with their areas A under the holder.
+    """
+
+    role = "load"
+
+    def __init__(
+        self,
+        name: str,
+        pressure: Callable[[float], float],
+        obstacle: Obstacle,
+        basis: CellBasis,
+    ) -> None:
+        self.name, self._pressure, self._obstacle = name, pressure, obstacle
+        self.nodes = np.arange(obstacle.X.shape[1])[None]
+        self._surface = CheckedSurface(obstacle.what, obstacle.surface)
+        self.parameters = self._pressed_areas = _PressedAreas(obstacle, basis)
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """Pressure times the volume between the ply and the surface."""
+        _, factors, _, local = self._pressed(u, t, p)
+        return float(factors @ self._surface.level(local))
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """Forces towards the surface."""
+        nodes, factors, rotation, local = self._pressed(u, t, p)
+        f = np.zeros((self.nodes.size, 3))
+        f[nodes] = (factors * (rotation @ self._surface.gradient(local))).T
+        return f.ravel()
+
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """Their derivative: nodal blocks, shape (1, 3, 3, n_nodes)."""
+        nodes, factors, rotation, local = self._pressed(u, t, p)
+        K = np.zeros((3, 3, self.nodes.size))
+        H = factors * self._surface.hessian(local)
+        K[..., nodes] = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
+        return K[None]
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
+        """Derivative of the residual."""
+        return nodal_matrix(self.matrices(u, t, p))
+
+    def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """Forces towards the surface in N, shape (n_nodes,)."""
+        return np.asarray(np.linalg.norm(self.residual(u, t, p).reshape(-1, 3), axis=1))
+
+    def reaches(self, u: ndarray, t: float) -> bool:
+        """True if it presses on a part of the ply, whatever its pressure."""
+        return bool(self._pressed_areas.updated(NO_VALUES, u, t)["areas"].any())
+
+    def travel(self, t: float) -> ndarray:
+        """Translation from its initial position in mm, shape (3,)."""
+        return self._obstacle.travel(t)
+
+    def rotation(self, t: float) -> float:
+        """Angle of its rotation from its initial position in radians."""
+        return self._obstacle.rotation(t)
+
+    def _pressed(
+        self, u: ndarray, t: float, p: Values
+    ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+        """Nodes under the holder, factors of φ, rotation, and nodes in its axes."""
+        obstacle, nodes = self._obstacle, np.flatnonzero(p["areas"])
+        factors = obstacle.side * self._pressure(t) * p["areas"][nodes]
+        rotation, translation = placement(obstacle.what, obstacle.motion, t)
+        x = obstacle.X[:, nodes] + u.reshape(-1, 3)[nodes].T
+        return nodes, factors, rotation, rotation.T @ (x - translation[:, None])
+
+
+def _amount(
+    what: str, amount: Amount | None, least: float, unit: str
+) -> Callable[[float], float]:
+    """Function of the load factor, validated at each of its values."""
+    at = partial(_amount_at, what, amount, least, unit)
+    for t in np.linspace(0.0, 1.0, _CHECKED):
+        at(float(t))
+    return at
+
+
+def _amount_at(
+    what: str, amount: Amount | None, least: float, unit: str, t: float
+) -> float:
+    value = call_user_function(what, amount, t) if callable(amount) else amount
+    number = real_numbers(what, value)
+    if number.shape or not least <= number < np.inf:
+        raise ValueError(
+            f"{what} must be a number of at least {least:g} {unit}, got {value!r} "
+            f"at load factor {t:g}"
+        )
+    return float(number)

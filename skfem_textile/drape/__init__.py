@@ -1,5 +1,0 @@
-"""Draping: surfaces, kinematic nets, draped fibres, flat patterns and defects."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

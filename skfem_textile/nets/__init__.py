@@ -1,0 +1,1 @@
+"""Kinematic nets: starts, darts, seams, courses, draped fibres and flat patterns."""

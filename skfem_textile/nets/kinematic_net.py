@@ -1,0 +1,378 @@
+"""Kinematic net: inextensible rods, pinned at their crossings, laid on a surface.
+
+Two threads start at a point along geodesics or given curves.  Every further crossing is
+at the distance of one cell from two known crossings (Mack & Taylor 1956, The fitting of
+woven cloth to surfaces, J.  Text.  Inst.  47:T477).  Fibres do not stretch, and forces
+play no role: the first two threads determine the whole net.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from ..mesh.user_input import real_numbers
+from ..surfaces.analytic import positive_length
+from ..surfaces.surface import Surface, onto, tangents
+from ..surfaces.triangle_mesh import TriangleMesh
+from .corners import filled_at_seams, with_corners
+from .crossings import Net, up_to
+from .guide_curve import GuideCurve
+from .laying import (
+    FOLDED,
+    QUADRANTS,
+    Quadrant,
+    Start,
+    Status,
+    lay,
+)
+from .seams import Seams
+
+# Distance beyond the edges of a tool, relative to the cell, up to which a cell starts.
+# A corner of the tool inside a square cell is at most 0.71 cells from its crossings.
+_MARGIN = 0.8
+
+
+class NetStart(NamedTuple):
+    """Start of a net.
+
+    Parameters
+    ----------
+    point
+        Position in mm, shape (3,).
+    first
+        Direction in space of the x axis of the flat ply there.
+    """
+
+    point: ArrayLike
+    first: ArrayLike = (1.0, 0.0, 0.0)
+
+
+def net(
+    surface: Surface,
+    cell: float,
+    warp: tuple[int, int] | None = None,
+    weft: tuple[int, int] | None = None,
+    *,
+    angles: tuple[float, float] = (0.0, np.pi / 2),
+    touch: tuple[float, float] = (0.0, 0.0),
+    point: ArrayLike | None = None,
+    first: ArrayLike = (1.0, 0.0, 0.0),
+    warp_along: ArrayLike | None = None,
+    weft_along: ArrayLike | None = None,
+    over: ndarray | None = None,
+    past_edges: bool = False,
+) -> Net:
+    """Lay a net on a surface.
+
+    The net of a triangulated tool covers the tool, and ends beyond its edges.  A thread
+    whose neighbour has ended there continues as a geodesic.  Crossings behind a fold
+    are not laid: see `Net.folds`.
+
+    Parameters
+    ----------
+    surface
+        The surface.
+    cell
+        Length of the rods in mm.
+    warp, weft
+        Numbers of cells against and along the direction of each family, from the start
+        of the net.  By default up to the edges of the tool.
+    angles
+        Inclination of warp and weft in the flat ply in radians.
+    touch
+        Start of the net in the flat ply.
+    point
+        Its position in space; by default (x, y, 0) of ``touch``.
+    first
+        Direction in space of the x axis of the ply there.
+    warp_along, weft_along
+        Curves in mm, shape (3, n), that the first threads follow in the order of the
+        points, through the start; see `edge_through`.  By default geodesics, at the
+        angle at rest to the curve of the other family if there is one.  Beyond its
+        curve a thread continues as a geodesic.
+    over
+        Points of the flat ply in mm, shape (2, n), up to which the net is laid;
+        crossings beyond all of them are omitted.  By default all are laid.
+    past_edges
+        Continue beyond the edges of the tool, where its surface is extrapolated.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not valid.
+
+    Examples
+    --------
+    A quarter of a sphere, with sides equal to its radius: the shear angle of the last
+    cell, 53.6° in theory:
+
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> sphere = drape.Sphere(100.0, (0, 0, -100))
+    >>> angle = drape.net(sphere, 100 / 64, (0, 64), (0, 64)).shear_angle()
+    >>> round(float(np.degrees(angle[-1, -1])), 1)
+    53.6
+    """
+    cell = positive_length("net: cell", cell)
+    flat, origin = _flat(angles), real_numbers("net: touch", touch)
+    guess = np.array([*origin, 0.0]) if point is None else point
+    start = start_of(surface, cell, guess, first, flat, (warp_along, weft_along))
+    limits = _limits(surface, cell, (warp, weft), past_edges)
+    masks = None
+    if over is not None:
+        ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
+        masks = _masks(ends, limits)
+    (laid,) = _laid(surface, [start], cell, limits, masks, past_edges)
+    counts = [n if n is None else _counts("", n) for n in (warp, weft)]
+    joined = _joined(laid, cell, flat, np.array(touch, dtype=float), counts)
+    if past_edges or not isinstance(surface, TriangleMesh):
+        return joined
+    return with_corners(surface, joined, _MARGIN * cell)
+
+
+def nets(
+    surface: Surface,
+    cell: float,
+    starts: Sequence[NetStart],
+    *,
+    angles: tuple[float, float] = (0.0, np.pi / 2),
+) -> list[Net]:
+    """Nets from several starts up to the edges of a tool, laid side by side.
+
+    It takes much less time than one `net` after the other.
+
+    Parameters
+    ----------
+    surface
+        The tool.
+    cell, angles
+        See `net`.
+    starts
+        Starts.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not valid.
+    """
+    if not len(starts):
+        raise ValueError("nets: specify at least one start")
+    cell = positive_length("net: cell", cell)
+    flat = _flat(angles)
+    points = onto(surface, np.array([s.point for s in starts], dtype=float).T)
+    found = [
+        Start(point, tangents(surface, point, np.asarray(s.first)) @ flat)
+        for point, s in zip(points.T, starts, strict=True)
+    ]
+    limits = _limits(surface, cell, (None, None), False)
+    laid = _laid(surface, found, cell, limits, None, False)
+    joined = [_joined(of, cell, flat, np.zeros(2), (None, None)) for of in laid]
+    if not isinstance(surface, TriangleMesh):
+        return joined
+    return [with_corners(surface, of, _MARGIN * cell) for of in joined]
+
+
+def nets_at_seams(
+    tool: TriangleMesh,
+    cell: float,
+    seams: Seams,
+    locking_angle: float,
+    *,
+    point: ArrayLike = (0.0, 0.0, 0.0),
+    first: ArrayLike = (1.0, 0.0, 0.0),
+    angles: tuple[float, float] = (0.0, np.pi / 2),
+    warp_along: ArrayLike | None = None,
+    weft_along: ArrayLike | None = None,
+) -> tuple[Net, Net]:
+    """Nets on the left and on the right of seams, which are edges of a tool.
+
+    They are the same where no thread comes from beyond a seam or a spot.
+
+    Parameters
+    ----------
+    tool, cell, seams
+        The tool, the length of the rods in mm, and the seams.
+    locking_angle
+        Shear angle in radians above which cells in spots are left open.
+    point, first, angles, warp_along, weft_along
+        See `net`.
+    """
+    flat = _flat(angles)
+    start = start_of(tool, cell, point, first, flat, (warp_along, weft_along))
+    limits = _limits(tool, cell, (None, None), False)
+    (laid,) = _laid(tool, [start], cell, limits, None, False, seams)
+    joined = _joined(laid, cell, flat, np.zeros(2), (None, None))
+    return filled_at_seams(tool, joined, _MARGIN * cell, seams, locking_angle)
+
+
+def _flat(angles: tuple[float, float]) -> ndarray:
+    """Unit vectors of warp and weft in the flat ply, columns of shape (2, 2)."""
+    flat = np.array([np.cos(angles), np.sin(angles)])
+    if not abs(np.linalg.det(flat)) > FOLDED:
+        raise ValueError("net: warp and weft must not be parallel")
+    return flat
+
+
+def start_of(
+    surface: Surface,
+    cell: float,
+    point: ArrayLike,
+    first: ArrayLike,
+    flat: ndarray,
+    along: tuple[ArrayLike | None, ArrayLike | None],
+) -> Start:
+    """Start of a net on a surface, and on the curves of its first threads."""
+    curves = [c if c is None else GuideCurve(np.asarray(c)) for c in along]
+    place = real_numbers("net: point", point)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise ValueError(f"net: the start must be three finite numbers, got {point!r}")
+    for curve in curves:
+        if curve is None:
+            continue
+        on_curve = np.asarray(curve.closest(place).position)
+        if not np.linalg.norm(on_curve - place) <= cell:
+            raise ValueError(
+                f"net: the curve of a first thread passes the start "
+                f"{np.round(place, 3).tolist()} at a distance of "
+                f"{np.linalg.norm(on_curve - place):.3g} mm: specify a start on it"
+            )
+        place = on_curve
+    start = onto(surface, place[:, None])[:, 0]
+    directions = np.empty((3, 2))
+    if curves == [None, None]:
+        directions = tangents(surface, start, np.asarray(first)) @ flat
+    # The angle at rest to the curve of the other family, unless there are two curves.
+    cosine, sine = float(flat[:, 0] @ flat[:, 1]), float(np.linalg.det(flat))
+    for family in (1, 0) if curves[0] is None else (0, 1):
+        curve = curves[family]
+        if curve is None:
+            continue
+        plane = tangents(surface, start, curve.tangent(curve.closest(start)))
+        directions[:, family] = plane[:, 0]
+        if curves[1 - family] is None:
+            turn = np.array([cosine, -sine if family else sine])
+            directions[:, 1 - family] = plane @ turn
+    if not np.linalg.norm(np.cross(*directions.T)) > FOLDED:
+        raise ValueError(
+            "net: the first threads are parallel at their crossing: specify curves "
+            "that cross"
+        )
+    return Start(start, directions, (curves[0], curves[1]))
+
+
+def _limits(
+    surface: Surface,
+    cell: float,
+    counts: tuple[Any, Any],
+    past_edges: bool,
+) -> ndarray:
+    """Largest numbers of cells of the quadrants along warp and weft, shape (4, 2)."""
+    facets = getattr(surface, "facets", None)
+    given = []
+    for name, n in zip(("warp", "weft"), counts, strict=True):
+        if n is not None:
+            given.append(_counts(name, n))
+        elif facets is None or past_edges:
+            raise ValueError(
+                f"net: specify the numbers of cells along the {name}, because the "
+                "surface has no edges at which the net could end"
+            )
+        else:
+            # No thread is longer than the way around the box of a tool.
+            most = int(np.ceil(np.ptp(facets.points, axis=1).sum() / cell)) + 1
+            given.append((most, most))
+    (warp, weft) = given
+    return np.array([[warp[s > 0], weft[t > 0]] for s, t in QUADRANTS])
+
+
+def _counts(name: str, n: Any) -> tuple[int, int]:
+    """Validated numbers of cells against and along a direction, not both zero."""
+    counts = real_numbers(f"net: {name}", n)
+    integral = counts.shape == (2,) and (counts == np.round(counts)).all()
+    if not integral or counts.min() < 0 or counts.sum() < 1:
+        raise ValueError(
+            f"net: {name} must be two whole numbers of cells, against and along its "
+            f"direction, not both zero; got {n!r}"
+        )
+    return int(counts[0]), int(counts[1])
+
+
+def _masks(ends: ndarray, limits: ndarray) -> list[ndarray]:
+    """Masks of the crossings of each quadrant up to points, in cells, (2, n)."""
+    masks = []
+    for signs, shape in zip(QUADRANTS, limits + 1, strict=True):
+        mask = up_to(ends * np.array(signs)[:, None], tuple(shape))
+        mask[0], mask[:, 0] = True, True
+        masks.append(mask)
+    return masks
+
+
+def _laid(
+    surface: Surface,
+    starts: list[Start],
+    cell: float,
+    limits: ndarray,
+    masks: list[ndarray] | None,
+    past_edges: bool,
+    seams: Seams | None = None,
+) -> list[list[Quadrant]]:
+    """Quadrants of nets from starts on a surface."""
+    beyond = None if past_edges else getattr(surface, "beyond_edges", None)
+    if beyond is not None:
+        for start in starts:
+            if beyond(start.point[:, None])[0] > 0:
+                raise ValueError(
+                    f"net: the start {np.round(start.point, 3).tolist()} is beyond the "
+                    "edges of the tool: start on the tool"
+                )
+
+    def wanted(row: ndarray, i: ndarray, j: ndarray) -> ndarray:
+        m, n = limits[row % 4].transpose(2, 0, 1)
+        inside = (i <= m) & (j <= n)
+        for quadrant, mask in enumerate(masks or []):
+            m, n = limits[quadrant]
+            inside[quadrant] &= mask[np.minimum(i, m), np.minimum(j, n)]
+        return np.where(inside, Status.LAID, Status.OMITTED)
+
+    def on_tool(x: ndarray) -> ndarray:
+        if beyond is None:
+            return np.ones(x.shape[1], dtype=bool)
+        return np.asarray(beyond(x) <= _MARGIN * cell)
+
+    return lay(surface, starts, cell, wanted, on_tool, seams)
+
+
+def _joined(
+    quadrants: list[Quadrant],
+    cell: float,
+    flat: ndarray,
+    touch: ndarray,
+    counts: Sequence[tuple[int, int] | None],
+) -> Net:
+    """Net of four quadrants with given numbers of cells, or as far as it was laid."""
+    sizes = np.array([quadrant.status.shape for quadrant in quadrants]) - 1
+    signs = np.array(QUADRANTS)
+    reach = [
+        [int(sizes[signs[:, axis] == s, axis].max()) for s in (-1, 1)]
+        if given is None
+        else list(given)
+        for axis, given in enumerate(counts)
+    ]
+    shape = tuple(sum(sides) + 1 for sides in reach)
+    x = np.full((3, *shape), np.nan)
+    status = np.full(shape, Status.BEHIND, dtype=np.int8)
+    for quadrant_signs, quadrant in zip(QUADRANTS, quadrants, strict=True):
+        place, size = [], []
+        for (before, after), s, n in zip(
+            reach, quadrant_signs, quadrant.status.shape, strict=True
+        ):
+            size.append(min(n, (after if s > 0 else before) + 1))
+            place.append(before + s * np.arange(size[-1]))
+        i, j = place[0][:, None], place[1]
+        part = np.s_[..., : size[0], : size[1]]
+        x[:, i, j], status[i, j] = quadrant.positions[part], quadrant.status[part]
+    along = [cell * np.arange(-before, after + 1) for before, after in reach]
+    return Net(x, status, (along[0], along[1]), flat, touch)

@@ -1,0 +1,451 @@
+"""Crossings of kinematic nets, diagonal by diagonal from their starts.
+
+All quadrants of all nets advance together, because a surface is evaluated at many
+points as fast as at one.  A crossing follows from two threads at the distance of one
+cell.  Where only one of them is there, because the other has left the tool, the thread
+continues as a geodesic.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy import ndarray
+
+from ..mesh.bases import cross
+from ..surfaces.surface import Surface
+from .guide_curve import GuideCurve
+from .seams import Seams
+
+# Maximum number of Newton iterations for a crossing, and last step relative to the
+# cell.  Chosen: convergence is quadratic, so that the error after this step is below
+# 1e-11 of the cell, also where it is as long as the radius of curvature.
+_MOST, _NEARLY = 30, 1e-7
+
+# Longest step of an iteration relative to the cell.  Chosen: on a fillet with a radius
+# of one cell the tangent plane rotates by 30° over this length.
+_LONGEST_STEP = 0.5
+
+#: Sine of the angle between threads below which they have folded.  Chosen: about half a
+#: degree, at which consecutive crossings become indistinguishable.
+FOLDED = 0.01
+
+
+class Status(IntEnum):
+    """Crossings that were laid, and reasons for those that were not."""
+
+    LAID = 0
+    OMITTED = 1  # beyond the requested part of the net
+    FOLDED = 2  # the threads do not meet, or fold onto one another
+    EDGE = 3  # beyond the edges of the tool
+    OFF = 4  # a thread leaves the surface
+    BEHIND = 5  # depends on a crossing that is missing for another reason
+    SEAM = 6  # beyond a seam, in one of its spots, or depends on such a crossing
+
+
+#: Reasons that stop all crossings behind.
+_STOPS = (Status.FOLDED, Status.OFF, Status.BEHIND)
+
+#: Signs of the quadrants of a net along warp and weft.
+QUADRANTS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+
+# Quadrants that share a first thread: warp from and to, weft from and to.
+_SHARED_WARP = ((0, 1), (2, 3))
+_SHARED_WEFT = ((0, 2), (1, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Start of a net on a surface.
+
+    Attributes
+    ----------
+    point
+        Position in mm, shape (3,).
+    directions
+        Unit vectors of warp and weft there, columns of shape (3, 2).
+    guides
+        Curves that the first threads follow; None for a geodesic.
+    """
+
+    point: ndarray
+    directions: ndarray
+    guides: tuple[GuideCurve | None, GuideCurve | None] = (None, None)
+
+
+@dataclass(frozen=True, eq=False)
+class Quadrant:
+    """Crossings of a quadrant from its start: m along the warp, n along the weft.
+
+    Attributes
+    ----------
+    positions
+        In mm, shape (3, m, n), NaN for crossings that were not laid.
+    status
+        `Status`, shape (m, n).
+    """
+
+    positions: ndarray
+    status: ndarray
+
+
+#: `Status` of crossings to lay, LAID or OMITTED, shape (r, k): a function of quadrant
+#: numbers, (r, 1), and numbers of cells along warp and weft, (k,).
+Wants = Callable[[ndarray, ndarray, ndarray], ndarray]
+
+#: Mask of points near the tool, as a function of points in mm, (3, p).
+OnTool = Callable[[ndarray], ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class _Diagonal:
+    """Crossings with the same sum of cells, r quadrants and k crossings.
+
+    Positions, gradients there, and differences of the positions from linear
+    extrapolation, (3, 3, r, k), NaN if not laid; masks, labels of seams, and statuses,
+    (r, k).
+    """
+
+    values: ndarray
+    on: ndarray
+    seams: ndarray
+    status: ndarray
+
+    @classmethod
+    def empty(cls, rows: int, count: int) -> "_Diagonal":
+        return cls(
+            np.full((3, 3, rows, count), np.nan),
+            np.zeros((rows, count), dtype=bool),
+            np.zeros((rows, count), dtype=int),
+            np.full((rows, count), Status.BEHIND, dtype=np.int8),
+        )
+
+    @property
+    def x(self) -> ndarray:
+        """Positions, shape (3, r, k)."""
+        return self.values[0]
+
+    def shifted(self, before: int, after: int) -> "_Diagonal":
+        """With empty places before and after."""
+        count = self.on.shape[1]
+        wide = _Diagonal.empty(len(self.on), before + count + after)
+        wide.values[..., before : before + count] = self.values
+        wide.on[:, before : before + count] = self.on
+        wide.seams[:, before : before + count] = self.seams
+        wide.status[:, before : before + count] = self.status
+        return wide
+
+
+def lay(
+    surface: Surface,
+    starts: Sequence[Start],
+    cell: float,
+    wanted: Wants,
+    on_tool: OnTool,
+    seams: Seams | None = None,
+) -> list[list[Quadrant]]:
+    """Lay nets from several starts at once.
+
+    Parameters
+    ----------
+    surface
+        The surface.
+    starts
+        Starts on the surface.
+    cell
+        Length of the rods in mm.
+    wanted
+        Crossings to lay; the quadrant 4k + q belongs to the start k.
+    on_tool
+        Points on the tool, beyond which threads end.
+    seams
+        Seams of darts.  Crossings that depend on others beyond them are not laid.
+
+    Returns
+    -------
+    list
+        The four `QUADRANTS` of each start.
+    """
+    front = _Front(surface, starts, cell, wanted, on_tool, seams)
+    diagonals = [front.first()]
+    before = _Diagonal.empty(4 * len(starts), 0)
+    while np.isfinite(diagonals[-1].x[0]).any():
+        following = front.after(before, diagonals[-1])
+        before = diagonals[-1]
+        diagonals.append(following)
+    quadrants = _assembled(diagonals)
+    return [quadrants[4 * k : 4 * k + 4] for k in range(len(starts))]
+
+
+class _Front:
+    """Diagonals of the quadrants of nets."""
+
+    def __init__(
+        self,
+        surface: Surface,
+        starts: Sequence[Start],
+        cell: float,
+        wanted: Wants,
+        on_tool: OnTool,
+        seams: Seams | None,
+    ) -> None:
+        self._surface, self._cell = surface, cell
+        self._wanted, self._on_tool, self._seams = wanted, on_tool, seams
+        self._rows = np.arange(4 * len(starts))
+        self._start = np.repeat([s.point for s in starts], 4, axis=0).T
+        signs = np.array(QUADRANTS, dtype=float)
+        directions = np.array([s.directions for s in starts])  # (start, 3, 2)
+        signed = directions[:, None] * signs[None, :, None]
+        self._along = signed.reshape(-1, 3, 2).transpose(2, 1, 0)  # (family, 3, row)
+        self._gradient = surface.gradient(self._start)
+        self._guides = [
+            [
+                g if g is None else g.walk(s.point, n)
+                for g, n in zip(s.guides, q, strict=True)
+            ]
+            for s in starts
+            for q in QUADRANTS
+        ]
+
+    def first(self) -> _Diagonal:
+        """The starts."""
+        on = self._on_tool(self._start)[:, None]
+        status = np.full(on.shape, Status.LAID, dtype=np.int8)
+        values = np.array([self._start, self._gradient, np.zeros_like(self._start)])
+        none = np.zeros(on.shape, dtype=int)
+        return _Diagonal(values[..., None], on, none, status)
+
+    def after(self, before: _Diagonal, last: _Diagonal) -> _Diagonal:
+        """The diagonal after two others, of which the first may be empty."""
+        d = last.on.shape[1]
+        i = np.arange(d + 1)
+        a, b = last.shifted(1, 0), last.shifted(0, 1)
+        if d == 1:
+            before = _Diagonal.empty(len(self._rows), 0)
+            corner = a_0 = b_0 = _Diagonal.empty(len(self._rows), 2)
+        else:
+            corner = before.shifted(1, 1)
+            a_0, b_0 = before.shifted(2, 0), before.shifted(0, 2)
+        new = _Diagonal.empty(len(self._rows), d + 1)
+        new.status[:] = self._wanted(self._rows[:, None], i, d - i)
+        stopped = np.zeros(new.on.shape, dtype=bool)
+        stopped[:, 1:] |= np.isin(a.status[:, 1:], _STOPS)
+        stopped[:, :-1] |= np.isin(b.status[:, :-1], _STOPS)
+        new.status[(a.status == Status.SEAM) | (b.status == Status.SEAM)] = Status.SEAM
+        has_a, has_b, has_c = (np.isfinite(of.x[0]) for of in (a, b, corner))
+        open_ = (new.status == Status.LAID) & ~stopped
+        crosses = open_ & has_a & has_b & has_c & (a.on | b.on | corner.on)
+        warp = open_ & has_a & ~has_b & a.on
+        weft = open_ & has_b & ~has_a & b.on
+        new.status[new.status == Status.LAID] = Status.EDGE
+        new.status[stopped] = Status.BEHIND
+        parts = [
+            (crosses, *self._crossing(crosses, a, b, corner)),
+            (warp, *self._straight(0, warp, a, a_0)),
+            (weft, *self._straight(1, weft, b, b_0)),
+        ]
+        self._lay(new, parts)
+        # First threads are laid in one quadrant and copied to the neighbour.
+        self._share(new)
+        return new
+
+    def _crossing(self, at: ndarray, a: _Diagonal, b: _Diagonal, c: _Diagonal) -> tuple:
+        """Guess, its correction, and rod ends for crossings of two threads."""
+        p, q, corner = a.x[:, at], b.x[:, at], c.x[:, at]
+        off = 0.5 * (a.values[2][:, at] + b.values[2][:, at])
+        of_seams = np.array([a.seams[at], b.seams[at]])
+        return p + q - corner, off, p, q, np.zeros_like(p), of_seams
+
+    def _straight(
+        self, family: int, at: ndarray, a: _Diagonal, a_0: _Diagonal
+    ) -> tuple:
+        """Guess, its correction, rod end, point and normal of a plane to follow.
+
+        A geodesic follows the plane of the last rod and the normal of the surface.
+        There is a last rod, except at the start: a crossing on the tool has a neighbour
+        along the other family, unless that one stops all crossings behind it.
+        """
+        row, i = np.nonzero(at)
+        x, gradient, off = (of[:, at] for of in a.values)
+        step = x - a_0.x[:, at]
+        if at.shape[1] == 2:
+            step = self._cell * self._along[family][:, row]
+        through, across = x.copy(), cross(step, gradient)
+        for k in self._guided(family, row, i, at.shape[1]):
+            guide = self._guides[row[k]][family]
+            place = guide.after(x[:, k], self._cell)
+            if place is not None:
+                through[:, k], tangent = place
+                step[:, k] = through[:, k] - x[:, k]
+                across[:, k] = np.cross(tangent, gradient[:, k])
+        with np.errstate(invalid="ignore"):  # a curve along the normal ends the thread
+            across /= np.linalg.norm(across, axis=0)
+        return x + step, off, x, through, across, np.array([a.seams[at]] * 2)
+
+    def _guided(self, family: int, row: ndarray, i: ndarray, count: int) -> ndarray:
+        """Places of the first threads that follow a curve."""
+        at_first = i == (count - 1 if family == 0 else 0)
+        has = np.array([self._guides[r][family] is not None for r in row], dtype=bool)
+        return np.flatnonzero(at_first & has) if len(row) else np.zeros(0, dtype=int)
+
+    def _lay(self, new: _Diagonal, parts: list[tuple]) -> None:
+        d = new.on.shape[1] - 1
+        places = [np.nonzero(mask) for mask, *_ in parts]
+        own = [self._owned(row, i, d) for row, i in places]
+        row, i = np.hstack(
+            [np.array(place)[:, o] for place, o in zip(places, own, strict=True)]
+        )
+        if not row.size:
+            return
+        guess, off, a, b, across, seams = (
+            np.hstack([of[:, o] for of, o in zip(values, own, strict=True)])
+            for values in list(zip(*parts, strict=True))[1:]
+        )
+        crosses = np.arange(len(row)) < own[0].sum()
+        x, gradient, done = _pinned(
+            self._surface, guess + off, a, b, across, crosses, self._cell
+        )
+        status = _judged(x, guess, a, b, done, crosses, self._cell)
+        if self._seams is not None:
+            laid = np.flatnonzero(status == Status.LAID)
+            label, beyond = self._seams.labels(x[:, laid], seams[:, laid])
+            new.seams[row[laid], i[laid]] = label
+            beyond = (beyond > 0) | self._seams.in_spots(x[:, laid])
+            status[laid[beyond]] = Status.SEAM
+        new.status[row, i] = status
+        laid = status == Status.LAID
+        row, i, x = row[laid], i[laid], x[:, laid]
+        new.values[:, :, row, i] = x, gradient[:, laid], x - guess[:, laid]
+        if row.size:
+            new.on[row, i] = self._on_tool(x)
+
+    def _owned(self, row: ndarray, i: ndarray, d: int) -> ndarray:
+        """Mask of crossings that are not copied from another quadrant."""
+        quadrant = row % 4
+        copied = (i == d) & np.isin(quadrant, [to for _, to in _SHARED_WARP])
+        copied |= (i == 0) & np.isin(quadrant, [to for _, to in _SHARED_WEFT])
+        return ~copied
+
+    def _share(self, new: _Diagonal) -> None:
+        for pairs, i in ((_SHARED_WARP, -1), (_SHARED_WEFT, 0)):
+            for one, other in pairs:
+                for values in (new.values, new.on, new.seams, new.status):
+                    values[..., other::4, i] = values[..., one::4, i]
+
+
+def crossing(
+    surface: Surface, a: ndarray, b: ndarray, corner: ndarray, cell: float
+) -> tuple[ndarray, ndarray]:
+    """Crossings opposite to corners of cells, shape (3, n), and their `Status`.
+
+    ``a`` and ``b`` are the crossings at the distance of one cell.
+    """
+    guess, crosses = a + b - corner, np.ones(a.shape[1], dtype=bool)
+    x, _, done = _pinned(surface, guess, a, b, np.zeros_like(a), crosses, cell)
+    return x, _judged(x, guess, a, b, done, crosses, cell)
+
+
+def straight(
+    surface: Surface, before: ndarray, x: ndarray, cell: float
+) -> tuple[ndarray, ndarray]:
+    """Next crossings of threads that continue as geodesics, (3, n), and their `Status`.
+
+    ``x`` are their last crossings, and ``before`` the ones before, shape (3, n).
+    """
+    guess, crosses = 2 * x - before, np.zeros(x.shape[1], dtype=bool)
+    across = cross(x - before, surface.gradient(x))
+    across /= np.linalg.norm(across, axis=0)
+    found, _, done = _pinned(surface, guess, x, x, across, crosses, cell)
+    return found, _judged(found, guess, x, x, done, crosses, cell)
+
+
+def _pinned(
+    surface: Surface,
+    x: ndarray,
+    a: ndarray,
+    b: ndarray,
+    across: ndarray,
+    crosses: ndarray,
+    cell: float,
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Ends of rods on a surface from guesses, the gradients there, and which are right.
+
+    A rod begins at ``a``.  It ends at the end of a rod from ``b`` where ``crosses``,
+    and otherwise in the plane through ``b`` with the normal ``across``.
+    """
+    x, gradient = x.copy(), np.full_like(x, np.nan)
+    done, left = np.zeros(x.shape[1], dtype=bool), np.arange(x.shape[1])
+    first_order = getattr(surface, "first_order", None) or (
+        lambda x: (surface.level(x), surface.gradient(x))
+    )
+    for _ in range(_MOST):
+        at, meets, third = x[:, left], crosses[left], across[:, left]
+        level, g = first_order(at)
+        slope = np.sqrt((g * g).sum(axis=0))
+        p, q = at - a[:, left], at - b[:, left]
+        on_plane = (q * third).sum(axis=0)
+        rod, other = (((v * v).sum(axis=0) / cell - cell) / 2 for v in (p, q))
+        off = np.array([level / slope, rod, np.where(meets, other, on_plane)])
+        one, two, third = g / slope, p / cell, np.where(meets, q / cell, third)
+        normals = cross(two, third), cross(third, one), cross(one, two)
+        det = (one * normals[0]).sum(axis=0)
+        with np.errstate(all="ignore"):  # non-finite steps are not made
+            step = sum(o * m for o, m in zip(off, normals, strict=True)) / det
+        length = np.sqrt((step * step).sum(axis=0)) / cell
+        goes = np.abs(det) > FOLDED**2  # false for NaN
+        x[:, left[goes]] -= (step / np.maximum(length / _LONGEST_STEP, 1.0))[:, goes]
+        ready = goes & (length <= _NEARLY)
+        gradient[:, left[ready]], done[left[ready]] = g[:, ready], True
+        left = left[goes & ~ready]
+        if not left.size:
+            break
+    return x, gradient, done
+
+
+def _judged(
+    x: ndarray,
+    guess: ndarray,
+    a: ndarray,
+    b: ndarray,
+    done: ndarray,
+    crosses: ndarray,
+    cell: float,
+) -> ndarray:
+    """`Status` of the ends of rods, of which some are done."""
+    p, q = x - a, x - b
+    sine = np.sqrt((cross(p, q) ** 2).sum(axis=0)) / cell**2
+    corner = a + b - guess
+    backwards = ((x - corner) * (guess - corner)).sum(axis=0) <= 0
+    apart = ((a - b) ** 2).sum(axis=0) >= (2 * cell) ** 2 * (1 - FOLDED**2)
+    folds = crosses & (apart | (done & ((sine <= FOLDED) | backwards)))
+    turned = ~crosses & done & ((p * (guess - a)).sum(axis=0) <= 0)
+    status = np.where(done & ~turned, Status.LAID, Status.OFF)
+    return np.where(folds, Status.FOLDED, status).astype(np.int8)
+
+
+def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
+    """Quadrants of diagonals, up to the crossings behind the last that were laid."""
+    rows, count = len(diagonals[0].on), len(diagonals)
+    x = np.full((3, rows, count, count), np.nan)
+    status = np.full((rows, count, count), Status.EDGE, dtype=np.int8)
+    for d, of in enumerate(diagonals):
+        i = np.arange(d + 1)
+        x[:, :, i, d - i] = of.x
+        status[:, i, d - i] = of.status
+    edge = status == Status.EDGE
+    for reasons, follows in (
+        ((Status.SEAM,), Status.SEAM),
+        (_STOPS, Status.BEHIND),
+    ):
+        behind = np.isin(status, reasons)
+        for axis in (1, 2):
+            behind = np.logical_or.accumulate(behind, axis)
+        status[behind & edge] = follows
+    laid = np.isfinite(x[0])
+    quadrants = []
+    for row in range(rows):
+        m, n = (np.flatnonzero(laid[row].any(axis=k))[-1] + 2 for k in (1, 0))
+        part = np.s_[..., row, :m, :n]
+        quadrants.append(Quadrant(x[part], status[part]))
+    return quadrants

@@ -1,0 +1,313 @@
+"""Rings of curves that meet end to end, and their nesting: material, holes."""
+
+import logging
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy import ndarray
+from scipy.spatial import KDTree
+
+from ...mesh.checks import refuse_metres
+from ...mesh.graph import components
+from ..outline import (
+    NEAR,
+    place,
+    refuse_not_finite,
+    valid_ring,
+)
+from .curves import LISTED, Curve
+
+log = logging.getLogger(__name__)
+
+#: Distance relative to the size below which ends of lines in a file are joined.
+#: Chosen: above the rounding of coordinates with six digits.
+JOINED = 1e-5
+
+
+class Ring(NamedTuple):
+    """A closed curve.
+
+    Parameters
+    ----------
+    points
+        Corners, shape (2, n), without the repetition of the first at the end.
+    names
+        Names of each edge, which runs from its corner to the next.
+    where
+        Its place in the file.
+    """
+
+    points: ndarray
+    names: list[list[str]]
+    where: str
+
+
+class Segment(NamedTuple):
+    """An edge between two nodes, its names, and the number of its curve."""
+
+    start: int
+    end: int
+    names: list[str]
+    curve: int = 0
+
+
+def rings_of_curves(curves: Sequence[Curve], what: str, tolerance: float) -> list[Ring]:
+    """Rings of an outline, the outer one first.
+
+    Closed curves are rings, and open ones that meet end to end form rings.  Equal rings
+    count once.
+
+    Parameters
+    ----------
+    curves
+        Curves of a file.
+    what
+        The file, for messages.
+    tolerance
+        Largest distance in mm between a curve and its chords.
+
+    Raises
+    ------
+    ValueError
+        If the curves are not one polygon with holes.
+    """
+    p = np.hstack([curve.points for curve in curves])
+    refuse_not_finite(what, p)
+    refuse_metres(p, f"outline of {what}")
+    size = float(np.hypot(*np.ptp(p, axis=1)))
+    rings: dict[int, Ring] = {}
+    still_open = []
+    for i, curve in enumerate(curves):
+        corners = _corners(curve.points)
+        if _is_closed(curve.points) and corners.shape[1] > 2:
+            names = [[curve.name] if curve.name else [] for _ in corners.T]
+            rings[i] = Ring(corners, names, curve.where)
+        elif curve.points.shape[1] > 1:
+            still_open.append(i)
+    near = 2 * tolerance + JOINED * size
+    others = _unrepeated(curves, still_open, rings, near)
+    rings |= _joined(curves, others, JOINED * size, NEAR * size, what)
+    in_order = [_merged(rings[i]) for i in sorted(rings)]
+    return _nested(_distinct(in_order, near), what)
+
+
+def rings_of_segments(p: ndarray, segments: Sequence[Segment], what: str) -> list[Ring]:
+    """Rings of an outline, the outer one first, of segments between nodes at p."""
+    traced = [
+        _merged(Ring(p[:, nodes], [segments[i].names for i in of], ""))
+        for nodes, of in _traced(p, segments, what, ())
+    ]
+    return _nested(traced, what)
+
+
+def _is_closed(points: ndarray) -> bool:
+    gap = float(np.hypot(*(points[:, -1:] - points[:, :1])).max(initial=0.0))
+    return gap <= JOINED * float(np.hypot(*np.ptp(points, axis=1)))
+
+
+def _corners(points: ndarray) -> ndarray:
+    """Corners of a closed curve: none coincides with the next, or meets the first."""
+    size = float(np.hypot(*np.ptp(points, axis=1)))
+    gaps = np.hypot(*(np.roll(points, -1, axis=1) - points))
+    corners = points[:, gaps > NEAR * size]
+    to_first = np.hypot(*(corners - corners[:, :1]))
+    return corners[:, :-1] if (to_first[-1:] <= JOINED * size).any() else corners
+
+
+def _unrepeated(
+    curves: Sequence[Curve], numbers: list[int], rings: dict[int, Ring], near: float
+) -> list[int]:
+    """Numbers of open curves that do not run along a ring."""
+    if not numbers:
+        return []
+    tree = shapely.STRtree([shapely.LinearRing(r.points.T) for r in rings.values()])
+    first = [shapely.Point(curves[i].points[:, 0]) for i in numbers]
+    pairs = tree.query(first, "dwithin", near).T
+    closed = list(rings.values())
+    repeated = {
+        numbers[i] for i, j in pairs if _repeats(curves[numbers[i]], closed[j], near)
+    }
+    return [i for i in numbers if i not in repeated]
+
+
+def _repeats(curve: Curve, ring: Ring, near: float) -> bool:
+    """True if a curve runs along edges of a ring, which take its name."""
+    line = shapely.LineString(curve.points.T)
+    if not shapely.LinearRing(ring.points.T).buffer(near).covers(line):
+        return False
+    ends = np.roll(ring.points, -1, axis=1)
+    x = np.stack([ring.points, (ring.points + ends) / 2, ends], axis=-1).T
+    on = shapely.dwithin(shapely.points(x), line, near).all(axis=0)
+    for edge in np.flatnonzero(on) if curve.name else ():
+        ring.names[edge].append(curve.name)
+    return bool(on.any()) or not curve.name
+
+
+def _joined(
+    curves: Sequence[Curve],
+    numbers: Sequence[int],
+    near: float,
+    equal: float,
+    what: str,
+) -> dict[int, Ring]:
+    """Rings of open curves by the number of their first curve.
+
+    Parameters
+    ----------
+    curves, numbers
+        All curves, and the numbers of the open ones.
+    near
+        Distance in mm below which ends meet.
+    equal
+        Distance in mm below which other points coincide.
+    what
+        The file, for messages.
+    """
+    if not numbers:
+        return {}
+    points = [curves[i].points for i in numbers]
+    p = np.hstack(points)
+    last = np.cumsum([x.shape[1] for x in points]) - 1
+    ends = np.concatenate([[0], last[:-1] + 1, last])
+    joined = ends[KDTree(p[:, ends].T).query_pairs(near, output_type="ndarray")]
+    pairs = KDTree(p.T).query_pairs(equal, output_type="ndarray")
+    labels = components(p.shape[1], np.vstack([joined, pairs]).T)
+    nodes = np.unique(labels, return_index=True)[1][labels]  # the first of each
+    segments: dict[tuple[int, int], Segment] = {}
+    for number, of_curve in zip(numbers, np.split(nodes, last[:-1] + 1), strict=True):
+        name = curves[number].name
+        for start, end in pairwise(of_curve.tolist()):
+            if start != end:
+                key = min(start, end), max(start, end)
+                segment = segments.setdefault(key, Segment(start, end, [], number))
+                if name and name not in segment.names:
+                    segment.names.append(name)
+    where = [curve.where for curve in curves]
+    listed = list(segments.values())
+    rings = {}
+    for at, of in _traced(p, listed, what, where):
+        number = min(listed[i].curve for i in of)
+        rings[number] = Ring(p[:, at], [listed[i].names for i in of], where[number])
+    return rings
+
+
+def _traced(
+    p: ndarray, segments: Sequence[Segment], what: str, where: Sequence[str]
+) -> list[tuple[list[int], list[int]]]:
+    """Nodes and segments of each ring of segments between nodes at p."""
+    at: dict[int, list[int]] = {}
+    for i, segment in enumerate(segments):
+        at.setdefault(segment.start, []).append(i)
+        at.setdefault(segment.end, []).append(i)
+    for node, incident in at.items():
+        if len(incident) != 2:
+            of = f" of {where[segments[incident[0]].curve]}" if where else ""
+            raise ValueError(
+                f"{what}: {len(incident)} line(s) end at {place(p[:, node])}{of}; an "
+                "outline has two at each corner: close it, or select layers"
+            )
+    rings: list[tuple[list[int], list[int]]] = []
+    left = set(range(len(segments)))
+    for first in range(len(segments)):
+        i, nodes, numbers = first, [segments[first].start], []
+        while i in left:
+            left.remove(i)
+            numbers.append(i)
+            start, end = segments[i][:2]
+            nodes.append(end if nodes[-1] == start else start)
+            i = next((j for j in at[nodes[-1]] if j in left), i)
+        if numbers:
+            rings.append((nodes[:-1], numbers))
+    return rings
+
+
+def _merged(ring: Ring) -> Ring:
+    """Ring without collinear corners between edges of the same names."""
+    x, names = ring.points, ring.names
+    before, after = x - np.roll(x, 1, axis=1), np.roll(x, -1, axis=1) - x
+    cross = np.abs(before[0] * after[1] - before[1] * after[0])
+    lengths = np.hypot(*before) * np.hypot(*after)
+    straight = (cross <= NEAR * lengths) & ((before * after).sum(axis=0) > 0)
+    kept = [i for i, s in enumerate(straight) if not s or names[i] != names[i - 1]]
+    if len(kept) < 3:
+        return ring
+    return Ring(x[:, kept], [names[i] for i in kept], ring.where)
+
+
+def _distinct(rings: list[Ring], near: float) -> list[Ring]:
+    """Rings that are farther apart than a distance from all earlier ones.
+
+    A name of all edges of an omitted ring is passed on to the ring that it equals.
+    """
+    if len(rings) < 2:
+        return rings
+    boxes = [np.hstack([r.points.min(axis=1), r.points.max(axis=1)]) for r in rings]
+    pairs = KDTree(boxes).query_pairs(near, p=np.inf, output_type="ndarray")
+    shapes = [shapely.LinearRing(ring.points.T) for ring in rings]
+    kept = dict(enumerate(rings))
+    for i, j in sorted(pairs.tolist()):
+        if {i, j} <= kept.keys() and (
+            shapely.hausdorff_distance(shapes[i], shapes[j]) <= near
+        ):
+            common = set.intersection(*map(set, kept.pop(j).names))
+            names = [[*own, *sorted(common.difference(own))] for own in kept[i].names]
+            kept[i] = kept[i]._replace(names=names)
+    return list(kept.values())
+
+
+def _nested(rings: list[Ring], what: str) -> list[Ring]:
+    """The outer ring of one polygon with holes, and the others.
+
+    Raises
+    ------
+    ValueError
+        If rings cross, or if there are several pieces.
+    """
+    of = [f"{what}{ring.where and ', '}{ring.where}: the line" for ring in rings]
+    corners = [valid_ring(name, r.points) for name, r in zip(of, rings, strict=True)]
+    lines = np.array([shapely.LinearRing(x.T) for x in corners])
+    polygons = shapely.polygons(lines)
+    tree = shapely.STRtree(lines)
+    for i, j in tree.query(lines, "intersects").T:
+        if i < j:
+            where = shapely.get_point(shapely.shortest_line(lines[i], lines[j]), 0)
+            raise ValueError(
+                f"{what}: {_about(rings[i])} and {_about(rings[j])} touch or cross at "
+                f"{place(where)}"
+            )
+    inside = tree.query(polygons, "contains_properly")[1]
+    depth = np.bincount(inside, minlength=len(rings))
+    outer = [ring for ring, d in zip(rings, depth, strict=True) if d == 0]
+    if len(outer) > 1:
+        raise ValueError(
+            f"{what} has {len(outer)} pieces: {_listed(outer)}; a ply is one: select "
+            "its layer"
+        )
+    islands = np.flatnonzero(depth > 1)
+    if islands.size:
+        raise ValueError(
+            f"{what}: {_about(rings[islands[0]])} is a piece in a hole of "
+            f"{_about(outer[0])}; a ply is one piece: select its layer"
+        )
+    holes = [ring for ring, d in zip(rings, depth, strict=True) if d]
+    if holes and outer[0].where:
+        log.warning(
+            "%s: the ply is %s, with the hole(s) %s; select other layers if this is "
+            "not so",
+            *(what, _about(outer[0]), _listed(holes)),
+        )
+    return [*outer, *holes]
+
+
+def _about(ring: Ring) -> str:
+    width, height = np.ptp(ring.points, axis=1).round(1)
+    of = ring.where and f" ({ring.where})"
+    return f"{width:g} x {height:g} mm{of}"
+
+
+def _listed(rings: Sequence[Ring]) -> str:
+    more = f" and {len(rings) - LISTED} more" if len(rings) > LISTED else ""
+    return ", ".join(_about(ring) for ring in rings[:LISTED]) + more

@@ -1,0 +1,416 @@
+"""Meshes of the user fitted to the singular fibres.
+
+Nodes near a singular fibre move onto it, and triangles that it still crosses are cut.
+Short edges that result are collapsed.
+"""
+
+import logging
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy import ndarray
+from skfem import Mesh, MeshQuad, MeshTri
+
+from ..fabric import Fabric
+from ..mesh.checks import check_mesh
+from ..mesh.scikit_fem import with_names
+from ..mesh.selection import (
+    SINGULAR,
+    edge_numbers,
+    named_nodes,
+    with_named_nodes,
+)
+from ..mesh.splitting import boundary_edges, corner_areas, edges_of
+from ..solve.conditions import Conditions
+from .collapsing import (
+    FIXED,
+    FREE,
+    ON_LINE,
+    Nodes,
+    collapse,
+    smallest_angles,
+)
+from .fibres import singular_fibres
+from .outline import Outline, place
+
+log = logging.getLogger(__name__)
+
+# Distance from a fibre, as a share of the shortest edge at a node, below which the node
+# belongs to it.  Chosen: smaller leaves slivers, larger turns elements over.
+_SHARE = 0.35
+
+# Share of the area of an element, or of a corner of a quadrilateral, that remains when
+# nodes move.  Chosen: angles of a few degrees at worst.
+_LEFT = 0.3
+
+# Length relative to the size of the outline by which fibres are extended, so that they
+# cross it, and below which a node is on a fibre: coordinates in files are rounded.
+_BEYOND = 1e-6
+
+# Share of the length of a fibre above which a part without edges is reported.
+# Chosen: far above the difference between a curved fibre and its chords.
+_MISSED = 0.01
+
+# Angle in degrees below which the smallest angle is reported.
+_LEAST_ANGLE = 3.0
+
+# Reflections closer than this share of the edges are not followed.
+_FINEST = 0.5
+
+
+class FittedMesh(NamedTuple):
+    """Mesh fitted to the singular fibres.
+
+    Attributes
+    ----------
+    mesh
+        The mesh; its edges on singular fibres are named `SINGULAR`.
+    parent
+        Element of the original mesh that contains each element, shape (n_elements,).
+        Values per element become ``values[parent]``.
+    """
+
+    mesh: Mesh
+    parent: ndarray
+
+
+def fit_to_fibres(
+    mesh: Mesh,
+    fabric: Fabric,
+    conditions: Conditions | None = None,
+    loads: Iterable[Any] = (),
+) -> FittedMesh:
+    """Move nodes of a mesh onto singular fibres, and cut elements along them.
+
+    Nodes keep their numbers, and new ones follow.  Nodes of the outline move along it,
+    and corners and named nodes stay.  Names of boundaries, subdomains and nodes are
+    kept.  Quadrilaterals become triangles if any of them is cut.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshTri` or `skfem.MeshQuad`.
+    fabric, conditions, loads
+        See `singular_fibres`.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid, or see `singular_fibres`.
+
+    Examples
+    --------
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import Condition
+    >>> mesh = MeshQuad().refined(3).scaled(80.0).with_defaults()
+    >>> fabric = Fabric(1e5, 0.5, warp=(2, 1), weft=(-1, 2))
+    >>> held = {"fixed": Condition("bottom"), "pulled": Condition("top", (0, 20))}
+    >>> fitted = fit_to_fibres(mesh, fabric, held)
+    >>> fitted.mesh.nelements > 128, "singular fibres" in fitted.mesh.boundaries
+    (True, True)
+    """
+    check_mesh(mesh)
+    outline = Outline.of_mesh(mesh)
+    edges = np.diff(mesh.p[:, mesh.facets], axis=1)[:, 0]
+    finest = _FINEST * float(np.median(np.hypot(*edges)))
+    lines = singular_fibres(outline, fabric, conditions, loads, finest=finest)
+    fibres = [_extended(f.points, _BEYOND * outline.size) for f in lines.fibres]
+    fit = _Fit(mesh, outline, fibres)
+    for i in range(len(fibres)):
+        fit.move(i)
+    if len(fit.t) == 4 and any(fit.is_crossed(i) for i in range(len(fibres))):
+        fit.halve_quads()
+    if len(fit.t) == 3:
+        for i in range(len(fibres)):
+            fit.move(i)
+            fit.cut(i)
+            fit.collapse()
+    return fit.result(mesh)
+
+
+def _extended(points: ndarray, length: float) -> Any:
+    x = points.copy()
+    for end, other in ((0, 1), (-1, -2)):
+        along = x[:, end] - x[:, other]
+        x[:, end] += length * along / np.hypot(*along)
+    return shapely.linestrings(x.T)
+
+
+class _Fit:
+    """Mesh during the fit."""
+
+    def __init__(self, mesh: Mesh, outline: Outline, fibres: list[Any]) -> None:
+        self.p, self.t = mesh.p.copy(), mesh.t.copy()
+        self.parent = np.arange(mesh.nelements)
+        self._fibres, self._near = fibres, _BEYOND * outline.size
+        self._names = {n: mesh.facets[:, e] for n, e in (mesh.boundaries or {}).items()}
+        self._n = n = mesh.p.shape[1]
+        self._on = np.zeros((len(fibres), n), dtype=bool)
+        self._kind = np.full(n, FREE)
+        self._line = np.full(n, -1)  # on which a node may move; −1 is the outline
+        self._lines = [*fibres, outline.shape().boundary]
+        self._kind[np.unique(mesh.facets[:, mesh.boundary_facets()])] = ON_LINE
+        corners = shapely.STRtree(shapely.points(np.hstack(outline.rings).T))
+        at, _ = corners.query(shapely.points(self.p.T), "dwithin", self._near)
+        self._kind[at] = FIXED
+        for edges in self._names.values():  # interior boundaries stay
+            inner = self._kind[edges] == FREE
+            self._kind[edges[inner]] = FIXED
+        self._region = _regions(mesh)
+        edges = edges_of([self.t])[0]
+        self._kind[edges[:, self._on_border(edges)]] = FIXED
+        for nodes in named_nodes(mesh).values():
+            self._kind[nodes] = FIXED
+        for i in range(len(fibres)):
+            self._settle(i)
+
+    def _on_border(self, edges: ndarray) -> ndarray:
+        """True for edges, given by their ends, between subdomains."""
+        pairs, of_side = edges_of([self.t])
+        region = np.tile(self._region[self.parent], len(self.t))
+        lowest, highest = np.full(pairs.shape[1], region.max()), 0 * pairs[0]
+        np.minimum.at(lowest, of_side, region)
+        np.maximum.at(highest, of_side, region)
+        return (lowest < highest)[edge_numbers(pairs, edges)]
+
+    def _settle(self, i: int) -> None:
+        """Restrict nodes on a fibre to it."""
+        on = shapely.distance(self._fibres[i], shapely.points(self.p.T)) <= self._near
+        self._on[i] = on
+        self._kind[on & (self._kind == ON_LINE) & (self._line != i)] = FIXED
+        free = on & (self._kind == FREE)
+        self._kind[free], self._line[free] = ON_LINE, i
+
+    def _shortest(self) -> ndarray:
+        """Length of the shortest edge at each node."""
+        edges, _ = edges_of([self.t])
+        length = np.hypot(*(self.p[:, edges[0]] - self.p[:, edges[1]]))
+        shortest = np.full(self.p.shape[1], np.inf)
+        for end in edges:
+            np.minimum.at(shortest, end, length)
+        return shortest
+
+    def _areas(self) -> ndarray:
+        """Twice the signed areas of the triangles or corners, shape (k, n_elements)."""
+        if len(self.t) == 4:
+            return corner_areas(MeshQuad(self.p, self.t))
+        a, b, c = self.p[:, self.t].transpose(1, 0, 2)
+        return np.abs((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0])[None]
+
+    def _signed(self) -> ndarray:
+        a, b, c = self.p[:, self.t[:3]].transpose(1, 0, 2)
+        return (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]
+
+    def move(self, i: int) -> None:
+        """Move nodes near a fibre onto it, unless elements would become slivers."""
+        fibre, near = self._fibres[i], _SHARE * self._shortest()
+        distance = shapely.distance(fibre, shapely.points(self.p.T))
+        moved = np.flatnonzero((distance < near) & (self._kind < FIXED) & ~self._on[i])
+        before, areas, signs = self.p.copy(), self._areas(), np.sign(self._signed())
+        for k in moved:
+            x = shapely.Point(self.p[:, k])
+            if self._kind[k] == FREE:
+                target = fibre.interpolate(fibre.project(x))
+            else:
+                target = fibre & self._lines[self._line[k]]
+                if target.is_empty or x.distance(target) > 2 * near[k]:
+                    continue
+                target = shapely.get_point(shapely.shortest_line(x, target), 1)
+            self.p[:, k] = target.x, target.y
+        while moved.size:
+            poor = (self._areas() < _LEFT * areas).any(axis=0)
+            poor |= np.sign(self._signed()) != signs
+            back = np.intersect1d(moved, self.t[:, poor])
+            if not back.size:
+                break
+            self.p[:, back] = before[:, back]
+            moved = np.setdiff1d(moved, back)
+        self._settle(i)
+
+    def _crossings(self, i: int) -> tuple[ndarray, ndarray]:
+        """Edges that a fibre crosses between their ends, and the points nearest one."""
+        edges, _ = edges_of([self.t])
+        edges = edges[:, ~self._on[i][edges].all(axis=0)]
+        sides = shapely.linestrings(self.p[:, edges].transpose(2, 1, 0))
+        at = shapely.intersection(sides, self._fibres[i])
+        x, of_edge = shapely.get_coordinates(at, return_index=True)
+        end = edges[:, of_edge]
+        gap = np.linalg.norm(x.T[:, None] - self.p[:, end], axis=0)
+        between = ~((gap <= 2 * self._near) & self._on[i][end]).any(axis=0)
+        _, first = np.unique(of_edge[between], return_index=True)
+        return end[:, between][:, first], x[between][first].T
+
+    def is_crossed(self, i: int) -> bool:
+        """True if a fibre crosses edges or runs along diagonals of quadrilaterals."""
+        on = self._on[i][self.t]
+        diagonal = (on[0] & on[2] & ~on[1] & ~on[3]) | (on[1] & on[3] & ~on[0] & ~on[2])
+        return bool(diagonal.any() or self._crossings(i)[0].size)
+
+    def halve_quads(self) -> None:
+        """Cut quadrilaterals into triangles, along a fibre if it is a diagonal."""
+        corner = corner_areas(MeshQuad(self.p, self.t))
+        switch = corner[1::2].min(axis=0) < corner[::2].min(axis=0)
+        for on in self._on:
+            first, second = (
+                on[self.t[[0, 2]]].all(axis=0),
+                on[self.t[[1, 3]]].all(axis=0),
+            )
+            switch = np.where(first != second, second, switch)
+        # Only convex corners may lie beside the diagonal.
+        switch = np.where((corner[[0, 2]] <= 0).any(axis=0), False, switch)
+        switch = np.where((corner[[1, 3]] <= 0).any(axis=0), True, switch)
+        t = np.where(switch, np.roll(self.t, -1, axis=0), self.t)
+        self.t = np.hstack([t[[0, 1, 2]], t[[0, 2, 3]]])
+        self.parent = np.tile(self.parent, 2)
+
+    def cut(self, i: int) -> None:
+        """Cut the triangles that a fibre crosses, which may cross an edge twice."""
+        while (crossings := self._crossings(i))[0].size:
+            self._cut_edges(i, *crossings)
+
+    def _cut_edges(self, i: int, edges: ndarray, at: ndarray) -> None:
+        n, k = self.p.shape[1], at.shape[1]
+        on_outline = edge_numbers(boundary_edges([self.t]), edges) >= 0
+        along = np.all(self._on[:, edges], axis=1)  # edges on other fibres
+        at = self._at_both(i, edges, at, along)
+        self.p = np.hstack([self.p, at])
+        self._on = np.hstack([self._on, along])
+        self._on[i, n:] = True
+        fixed = on_outline | along.any(axis=0)
+        fixed |= self._on_border(edges)
+        self._kind = np.append(self._kind, np.where(fixed, FIXED, ON_LINE))
+        self._line = np.append(self._line, np.full(k, i))
+        order = np.lexsort(edges[::-1])
+        edges, number = edges[:, order], n + order
+
+        def middle(ends: ndarray) -> ndarray:
+            found = edge_numbers(edges, ends)
+            return np.where(found >= 0, number[found], -1)
+
+        for name, ends in self._names.items():
+            m = middle(ends)
+            new = [np.stack([end, m])[:, m >= 0] for end in ends]
+            self._kind[m[m >= 0]] = FIXED
+            self._names[name] = np.hstack([ends[:, m < 0], *new])
+        self._cut_triangles(middle)
+
+    def _at_both(self, i: int, edges: ndarray, at: ndarray, along: ndarray) -> ndarray:
+        """Points where a fibre crosses edges; on chords of another, the fibres' own."""
+        length = np.hypot(*(self.p[:, edges[0]] - self.p[:, edges[1]]))
+        for j, k in np.argwhere(along):
+            both, x = self._fibres[i] & self._fibres[j], shapely.Point(at[:, k])
+            if not both.is_empty and x.distance(both) < _SHARE * length[k]:
+                own = shapely.get_point(shapely.shortest_line(x, both), 1)
+                at[:, k] = own.x, own.y
+        return at
+
+    def _cut_triangles(self, middle: Any) -> None:
+        t, parent = self.t, self.parent
+        m = np.stack([middle(t[[j, (j + 1) % 3]]) for j in range(3)])
+        count = (m >= 0).sum(axis=0)
+        new, old = [t[:, count == 0]], [parent[count == 0]]
+        for j in range(3):  # one edge
+            a, b, c = np.roll(t, -j, axis=0)
+            ab, bc, ca = np.roll(m, -j, axis=0)
+            one = (count == 1) & (ab >= 0)
+            new += [np.stack([a, ab, c])[:, one], np.stack([ab, b, c])[:, one]]
+            two = (count == 2) & (bc < 0)  # the corner a is cut off
+            # The shorter diagonal of the rest.
+            first = np.hypot(*(self.p[:, ab] - self.p[:, c])) < np.hypot(
+                *(self.p[:, b] - self.p[:, ca])
+            )
+            new.append(np.stack([a, ab, ca])[:, two])
+            new.append(np.stack([ab, b, np.where(first, c, ca)])[:, two])
+            new.append(np.stack([np.where(first, ab, b), c, ca])[:, two])
+            old += [parent[one]] * 2 + [parent[two]] * 3
+        (a, b, c), (ab, bc, ca) = t, m
+        three = count == 3
+        for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)):
+            new.append(np.stack(corners)[:, three])
+            old.append(parent[three])
+        self.t, self.parent = np.hstack(new), np.concatenate(old)
+
+    def collapse(self) -> None:
+        """Collapse short edges that the cuts left."""
+        turned = self._signed() < 0
+        self.t[1:, turned] = self.t[:0:-1, turned]
+        nodes = Nodes(self.p, self._kind, self._line, self._on)
+        kept, becomes = collapse(nodes, self.t, self._n)
+        used = np.unique(becomes)
+        number = np.searchsorted(used, becomes)
+        self.p, self._kind, self._line, self._on = (x[..., used] for x in nodes)
+        self.t, self.parent = number[self.t[:, kept]], self.parent[kept]
+        for name, ends in self._names.items():
+            ends = number[ends]
+            self._names[name] = ends[:, ends[0] != ends[1]]
+
+    def result(self, mesh: Mesh) -> FittedMesh:
+        """The mesh, with names."""
+        kind = MeshTri if len(self.t) == 3 else MeshQuad
+        fitted = kind(np.ascontiguousarray(self.p), np.ascontiguousarray(self.t))
+        check_mesh(fitted)
+        boundaries = {
+            name: edge_numbers(fitted.facets, ends)
+            for name, ends in self._names.items()
+        }
+        singular = np.zeros(fitted.nfacets, dtype=bool)
+        for i in range(len(self._fibres)):
+            singular |= self._edges_along(i, fitted)
+        singular &= fitted.f2t[1] >= 0
+        if singular.any():
+            boundaries[SINGULAR] = np.flatnonzero(singular)
+        subdomains = {
+            name: np.flatnonzero(np.isin(self.parent, elements))
+            for name, elements in (mesh.subdomains or {}).items()
+        }
+        fitted = with_names(fitted, boundaries or None, subdomains or None)
+        if len(self.t) == 3 and len(self.parent) > mesh.nelements:
+            self._report_smallest_angle()
+        return FittedMesh(with_named_nodes(fitted, named_nodes(mesh)), self.parent)
+
+    def _report_smallest_angle(self) -> None:
+        """Log the smallest angle if it is very small."""
+        angles = smallest_angles(self.p, self.t)
+        least = angles.argmin()
+        if angles[least] < _LEAST_ANGLE:
+            log.warning(
+                "the smallest angle of the fitted mesh is %.2g°, near %s, where "
+                "singular fibres, the outline or named nodes are close; use smaller "
+                "elements there, or mesh_outline",
+                angles[least],
+                place(self.p[:, self.t[:, least]].mean(axis=1)),
+            )
+
+    def _edges_along(self, i: int, fitted: Mesh) -> ndarray:
+        """True for the edges of a mesh on a fibre; logs a part of it without edges."""
+        fibre, ends = self._fibres[i], fitted.facets
+        along = self._on[i][ends].all(axis=0)
+        x = fitted.p[:, ends[:, along]]
+        length = np.hypot(*(x[:, 1] - x[:, 0]))
+        middle = shapely.points(x.mean(axis=1).T)
+        along[along] = shapely.distance(fibre, middle) < _SHARE * length
+        edges = shapely.linestrings(fitted.p[:, ends[:, along]].transpose(2, 1, 0))
+        missed = fibre.length - shapely.length(edges).sum()
+        if missed > _MISSED * fibre.length:
+            rest = fibre - shapely.buffer(shapely.union_all(edges), 10 * self._near)
+            part = max(shapely.get_parts(rest), key=shapely.length, default=fibre)
+            where = place(np.array(part.coords[0]))
+            log.warning(
+                "%.3g mm of a singular fibre of %.3g mm have no edges, near %s; "
+                "use smaller elements there, or mesh_outline",
+                missed,
+                fibre.length,
+                where,
+            )
+        return along
+
+
+def _regions(mesh: Mesh) -> ndarray:
+    """Number of each element's set of subdomains, shape (n_elements,)."""
+    sub = [np.asarray(s, dtype=int) for s in (mesh.subdomains or {}).values()]
+    inside = np.zeros((len(sub), mesh.nelements), dtype=bool)
+    for row, elements in zip(inside, sub, strict=True):
+        row[elements] = True
+    return np.unique(inside, axis=1, return_inverse=True)[1].ravel()

@@ -1,0 +1,342 @@
+"""Meshes of an outline whose edges follow the singular fibres."""
+
+import logging
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from scipy.spatial import KDTree
+from skfem import Mesh, MeshQuad, MeshTri
+
+from ..fabric import Fabric
+from ..mesh.scikit_fem import with_names
+from ..mesh.selection import SINGULAR, edge_numbers, with_named_nodes
+from ..solve.conditions import Conditions
+from .fibres import SingularFibre, SingularFibres, singular_fibres
+from .lines import Lines, even, graded
+from .net import cut_cells, net
+from .outline import (
+    NEAR,
+    REST,
+    Outline,
+    place,
+)
+from .triangles import triangles
+
+log = logging.getLogger(__name__)
+
+# Distance relative to the size of the outline up to which nodes deviate from their
+# exact positions: irregular meshes are computed on a grid of 1e-8.
+_ROUND_OFF = 1e-7
+
+# Components of unit vectors below this are zero.  Chosen: above cos 90°, 6e-17.
+_ROUNDING = 1e-15
+
+# Maximum number of triangles of a net.  Chosen: it takes about a minute.
+_MOST = 1e6
+
+# Default size of triangles relative to √area.
+_SIZE = 1 / 16
+
+#: Least distance of reflections relative to the size of triangles.  Chosen with
+#: `python -m studies singular_fibres --case "finest*"`.
+FINEST = 0.5
+
+# Relative error of the load aimed at by default.
+_AIM = 0.005
+
+# Largest distance of lines relative to √area, and its growth from line to line away
+# from singular fibres.  Chosen: `python -m studies singular_fibres --case "chosen *"`.
+_LARGEST, _GROWTH = 0.15, 2.0
+
+# Distance from other lines, relative to the largest distance, below which a weak line
+# is left out.  Chosen with the same cases.
+_WEAK = 0.5
+
+
+def mesh_outline(
+    outline: Outline,
+    fabric: Fabric,
+    conditions: Conditions | None = None,
+    loads: Iterable[Any] = (),
+    *,
+    fabrics: Mapping[str, Fabric] | None = None,
+    density: float = 1.0,
+    size: float | None = None,
+) -> Mesh:
+    """Triangles whose edges follow the fibres across which the shear angle may jump.
+
+    Parameters
+    ----------
+    outline, fabric, conditions, loads, fabrics
+        See `singular_fibres`.
+    density
+        Factor of the number of lines; 2 halves the size of all elements.
+    size
+        Length of edges in mm at density 1, for irregular triangles of one size instead
+        of a net.  Curved fibres, regions and several fabrics have no net; the default
+        is then √area/16.
+
+    Returns
+    -------
+    Mesh
+        A `skfem.MeshTri` with the names of the edges and points of the outline.  Its
+        interior edges on singular fibres are named `SINGULAR`.  Regions of the outline
+        are subdomains, and `REST` is what is outside of them.
+
+    Raises
+    ------
+    ValueError
+        See `singular_fibres`; also if the density or size is not positive or would give
+        too many triangles, or a named point cannot become a node.
+    """
+    for name, value in (("density", density), ("size", size)):
+        if value is not None and not 0 < value < np.inf:
+            raise ValueError(f"the {name} must be positive and finite, got {value}")
+    if not isinstance(fabric, Fabric):
+        raise ValueError(
+            f"the fabric of an outline must be a Fabric, not {type(fabric).__name__}; "
+            "give the fabrics of regions as `fabrics`"
+        )
+    curved = any(callable(family.direction) for family in fabric.families)
+    if size is not None or curved or fabrics or outline.regions:
+        if size is None:
+            size = _SIZE * float(np.sqrt(outline.shape().area))
+        size /= density
+        lines = singular_fibres(
+            outline, fabric, conditions, loads, fabrics=fabrics, finest=FINEST * size
+        )
+        _report(lines)
+        return irregular(outline, lines, size)
+    lines = singular_fibres(outline, fabric, conditions, loads, fabrics=fabrics)
+    _report(lines)
+    largest = _LARGEST * np.sqrt(outline.shape().area)
+    A = _directions(fabric)
+    to_fibres = np.linalg.inv(A)
+    corners = to_fibres @ np.hstack(outline.rings)
+    a, b = (
+        _lines(lines, 1 - axis, to_fibres[axis], corners[axis], largest, density)
+        for axis in range(2)
+    )
+    if (n := 2.0 * len(a.at) * len(b.at)) > _MOST:
+        raise ValueError(
+            f"a net with the density {density:g} would have about {n:.1g} triangles: "
+            "choose a smaller one, or give a size for irregular triangles"
+        )
+    p, t = net(outline.shape(), A, a, b)
+    mesh = MeshTri(_exact(p, outline, lines.held), t)
+    return _named(mesh, outline, lines.fibres)
+
+
+def mesh_along_fibres(
+    outline: Outline | ArrayLike, warp: ArrayLike, weft: ArrayLike, spacing: ArrayLike
+) -> Mesh:
+    """Mesh of an outline with edges along warp and weft, equally spaced.
+
+    Lines of both families pass through each corner and each named point of the outline,
+    with equally spaced lines between them.  If possible, lines of both families meet
+    wherever one meets a side; otherwise this is logged at the level INFO.  The cells of
+    this net are parallelograms, cut off at the sides.  The mesh consists of these if
+    all sides follow the fibres, and otherwise of triangles, into which the cells are
+    cut along a diagonal.
+
+    Parameters
+    ----------
+    outline
+        An `Outline`, or its corners in mm, in order, shape (2, n).  Lines also pass
+        through a corner of 180°, such as the end of a clamp within a side.
+    warp, weft
+        Directions of the fibres: vectors of any length, not parallel.
+    spacing
+        Largest distance in mm between points at which lines meet a side: a number, or
+        a pair for distances along x and y.
+
+    Returns
+    -------
+    Mesh
+        A `skfem.MeshQuad` or `skfem.MeshTri` with the names of the edges and points of
+        the outline.
+
+    Raises
+    ------
+    ValueError
+        If the outline is not valid (see `Outline`) or has regions, a direction is zero
+        or not finite, warp and weft are parallel, or the spacing is not positive or
+        would give too many cells.
+
+    Examples
+    --------
+    >>> square = [[0, 1, 1, 0], [0, 0, 1, 1]]
+    >>> mesh_along_fibres(square, (1, 1), (-1, 1), 0.5).nelements
+    16
+    >>> mesh_along_fibres(square, (1, 0), (0, 1), 0.5).nelements
+    4
+    """
+    outline = outline if isinstance(outline, Outline) else Outline(outline)
+    if outline.regions:
+        raise ValueError(
+            "meshes of equal spacing have no regions: use mesh_outline with fabrics"
+        )
+    fabric = Fabric(warp=np.asarray(warp), weft=np.asarray(weft))
+    h = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
+    if not (np.isfinite(h) & (h > 0)).all():
+        raise ValueError(f"the spacing must be positive and finite, got {h} mm")
+    A = _directions(fabric)
+    A[np.abs(A) < _ROUNDING] = 0.0
+    to_fibres = np.linalg.inv(A)
+    sides = to_fibres @ np.stack(outline.edges())
+    points = to_fibres @ np.reshape([*outline.points.values()], (-1, 2)).T
+    a, b = even(np.hstack([sides[0], points]), sides, A / h[:, None])
+    p, t = cut_cells(outline.shape(), A, a, b)
+    kind = MeshQuad if len(t) == 4 else MeshTri
+    return _named(kind(_exact(p, outline, []), t), outline, [])
+
+
+def _directions(fabric: Fabric) -> ndarray:
+    """Directions of straight fibres, the columns of a matrix."""
+    return np.hstack(fabric.directions(np.zeros((2, 1, 1))))[:, :, 0]
+
+
+def _report(lines: SingularFibres) -> None:
+    """Log what is not traced."""
+    for line in lines.left_out():
+        log.info("singular fibres: %s", line)
+
+
+def irregular(
+    outline: Outline, lines: SingularFibres, size: float, turn: float = 0.0
+) -> Mesh:
+    """Irregular triangles of a size with singular fibres and borders as edges.
+
+    ``turn`` is the direction of the rows of nodes, see `triangles`.
+    """
+    along = [*lines.borders, *(f.points for f in lines.fibres)]
+    ends = [end for piece in lines.held for end in piece.T]
+    fixed = np.array([*_ends_of_names(outline), *outline.points.values(), *ends])
+    found = triangles(outline.shape(), along, size, fixed.reshape(-1, 2).T, turn)
+    p = _exact(found.points, outline, lines.held)
+    mesh = _named(MeshTri(p, found.triangles), outline, [])
+    boundaries, subdomains = dict(mesh.boundaries or {}), {}
+    singular = found.edges[:, found.line >= len(lines.borders)]
+    if singular.size:
+        boundaries[SINGULAR] = edge_numbers(mesh.facets, singular)
+    if outline.regions:
+        centre = shapely.points(mesh.p[:, mesh.t].mean(axis=1).T)
+        rest = np.ones(mesh.nelements, dtype=bool)
+        for name, corners in outline.regions.items():
+            within = shapely.contains(shapely.Polygon(corners.T), centre)
+            subdomains[name], rest = np.flatnonzero(within), rest & ~within
+        if rest.any():
+            subdomains.setdefault(REST, np.flatnonzero(rest))
+    return with_names(mesh, boundaries, subdomains or None)
+
+
+def _ends_of_names(outline: Outline) -> list[ndarray]:
+    """Corners of an outline at which the names of edges change, each of shape (2,)."""
+    start, _ = outline.edges()
+    ends: list[ndarray] = []
+    first = 0
+    for ring in outline.rings:
+        own = slice(first, first + ring.shape[1])
+        first = own.stop
+        known = [np.zeros(ring.shape[1], dtype=bool)]
+        names = np.array(known + [on[own] for on in outline.boundaries.values()])
+        changes = (names != np.roll(names, 1, axis=1)).any(axis=0)
+        ends += list(start[:, own][:, changes].T)
+    return ends
+
+
+def _lines(
+    lines: SingularFibres,
+    family: int,
+    to_fibres: ndarray,
+    corners: ndarray,
+    largest: float,
+    density: float,
+) -> Lines:
+    """Lines of a family: the coordinate across it, in ascending order."""
+
+    def across(fibres: list[SingularFibre]) -> ndarray:
+        return np.array(
+            [(to_fibres @ f.points[:, :1])[0] for f in fibres if f.family == family]
+        )
+
+    ends = np.array([corners.min(), corners.max()])
+    near = NEAR * np.ptp(ends)
+    strong = np.unique(across(lines.fibres))
+    strong = strong[np.diff(strong, prepend=-np.inf) > near]
+    keys, is_strong = strong.tolist(), [True] * len(strong)
+    least = _WEAK * largest
+    for x, apart in [(x, near) for x in ends] + [
+        (x, least) for x in across(lines.weak)
+    ]:
+        i = bisect_left(keys, x)
+        if all(abs(k - x) > apart for k in keys[max(i - 1, 0) : i + 1]):
+            keys.insert(i, x)
+            is_strong.insert(i, False)
+    # A layer of the width w changes the load by a share w/L, of which elements of the
+    # size h miss about (h/w)² if they are of second order.
+    finest = np.sqrt(_AIM * lines.width * largest / _LARGEST)
+    at = graded(np.array(keys), np.array(is_strong), finest, largest, _GROWTH, density)
+    return Lines(at, np.isin(at, strong))
+
+
+def _exact(p: ndarray, outline: Outline, held: list[ndarray]) -> ndarray:
+    """Nodes with round-off removed.
+
+    Nodes of the outline are on its edges.  Corners, named points and ends of held parts
+    are where they are given, so that functions of position select them.
+    """
+    p, near = p.copy(), _ROUND_OFF * outline.size
+    start, end = outline.edges()
+    edges = shapely.linestrings(np.stack([start.T, end.T], axis=1))
+    tree = shapely.STRtree(edges)
+    node, edge = tree.query(shapely.points(p.T), "dwithin", near)
+    a, e = start[:, edge], (end - start)[:, edge]
+    share = ((p[:, node] - a) * e).sum(axis=0) / (e * e).sum(axis=0)
+    p[:, node] = a + share * e
+    given = [
+        *held,
+        *(x[:, None] for x in outline.points.values()),
+        *outline.rings,
+    ]
+    x = np.hstack(given)
+    distance, node = KDTree(p.T).query(x.T)
+    close = distance <= near
+    p[:, node[close]] = x[:, close]
+    return p
+
+
+def _named(mesh: Mesh, outline: Outline, fibres: list[SingularFibre]) -> Mesh:
+    """The mesh with the names of the outline, and of edges on singular fibres."""
+    start, end = outline.edges()
+    edges = shapely.linestrings(np.stack([start.T, end.T], axis=1))
+    boundary = mesh.boundary_facets()
+    middle = mesh.p[:, mesh.facets].mean(axis=1)
+    _, edge = shapely.STRtree(edges).query_nearest(
+        shapely.points(middle[:, boundary].T), all_matches=False
+    )
+    names = {name: boundary[on[edge]] for name, on in outline.boundaries.items()}
+    if fibres:
+        lines = shapely.MultiLineString([f.points.T for f in fibres])
+        shapely.prepare(lines)
+        near = 100 * NEAR * outline.size
+        ends = shapely.dwithin(lines, shapely.points(mesh.p.T), near)
+        on = ends[mesh.facets].all(axis=0) & (mesh.f2t[1] >= 0)
+        on[on] = shapely.dwithin(lines, shapely.points(middle[:, on].T), near)
+        names[SINGULAR] = np.flatnonzero(on)
+    mesh = with_names(mesh, {n: e for n, e in names.items() if len(e)}, None)
+    nodes = {}
+    for name, x in outline.points.items():
+        distance = np.hypot(*(mesh.p - x[:, None]))
+        nodes[name] = np.array([distance.argmin()])
+        if distance.min() > _ROUND_OFF * outline.size:
+            raise ValueError(
+                f"point {name!r} at {place(x)} is too close to another point, a "
+                "singular fibre or the outline: choose a smaller size"
+            )
+    return with_named_nodes(mesh, nodes)

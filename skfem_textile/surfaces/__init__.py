@@ -1,0 +1,1 @@
+"""Surfaces: level sets, analytic tools, triangles of files and their repair."""

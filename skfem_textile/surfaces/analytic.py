@@ -1,0 +1,410 @@
+"""Analytical surfaces: plane, cylinder, sphere, cone, torus, height field.
+
+Except for the plane, φ is positive outside.  Each is a function of the position
+relative to a point and, except for the sphere, of the distance r from an axis and the
+height z along it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from ..declarations import surfaces as declared
+from ..mesh.user_input import real_numbers
+
+#: Three components.
+Vector: TypeAlias = ArrayLike
+
+# Lower bound in mm of a distance from an axis or a centre used as a divisor.
+_TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Plane(declared.Plane):
+    """Plane through a point, with φ as the height above it.
+
+    Parameters
+    ----------
+    point
+        A point of the plane in mm.
+    normal
+        Normal of any length.
+    """
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", _vector("plane: point", self.point))
+        object.__setattr__(self, "normal", _unit("plane: normal", self.normal))
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        return self.normal @ (x - np.asarray(self.point)[:, None])
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        return np.broadcast_to(np.asarray(self.normal)[:, None], x.shape)
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        return np.zeros((3, *x.shape))
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere(declared.Sphere):
+    """Sphere, with φ as the distance from it.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm.
+    centre
+        Centre in mm.
+    """
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "radius", positive_length("sphere: radius", self.radius)
+        )
+        object.__setattr__(self, "centre", _vector("sphere: centre", self.centre))
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        return np.linalg.norm(self._from_centre(x), axis=0) - self.radius
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        r = self._from_centre(x)
+        return r / np.maximum(np.linalg.norm(r, axis=0), _TINY)
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        n, length = self.gradient(x), np.linalg.norm(self._from_centre(x), axis=0)
+        across = np.eye(3)[:, :, None] - n[:, None] * n[None]
+        return across / np.maximum(length, _TINY)
+
+    def _from_centre(self, x: ndarray) -> ndarray:
+        return x - np.asarray(self.centre)[:, None]
+
+
+class OfRevolution:
+    """Surface of revolution, φ = f(r, z), by the derivatives of f.
+
+    With the radial, axial and circumferential unit vectors e_r, e_z and e_t the Hessian
+    is f_rr e_r e_r + f_rz (e_r e_z + e_z e_r) + f_zz e_z e_z + (f_r/r) e_t e_t.  On the
+    axis f_r/r is f_rr, and e_r any direction.
+    """
+
+    point: Vector
+    axis: Vector
+
+    def _prepare(self, name: str) -> None:
+        object.__setattr__(self, "point", _vector(f"{name}: point", self.point))
+        object.__setattr__(self, "axis", _unit(f"{name}: axis", self.axis))
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        """The function f of distance from the axis and height along it."""
+        raise NotImplementedError
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        """∂f/∂r and ∂f/∂z."""
+        raise NotImplementedError
+
+    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """∂²f/∂r², ∂²f/∂r∂z and ∂²f/∂z²."""
+        zero = np.zeros_like(r)
+        return zero, zero, zero
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        r, z, _ = self._cylindrical(x)
+        return self._f(r, z)
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        r, z, across = self._cylindrical(x)
+        of_r, of_z = self._df(r, z)
+        return of_r * across + of_z * np.asarray(self.axis)[:, None]
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        r, z, across = self._cylindrical(x)
+        along = np.broadcast_to(np.asarray(self.axis)[:, None], x.shape)
+        rr, rz, zz = self._ddf(r, z)
+        of_r, _ = self._df(r, z)
+        axis = np.asarray(self.axis)
+        beside = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+        beside /= np.linalg.norm(beside)
+        across = np.where(r > 0, across, beside[:, None])
+        bend = np.where(r > 0, of_r / np.maximum(r, _TINY), rr)
+        around = np.cross(along, across, axis=0)
+        mixed = across[:, None] * along[None]
+        return (
+            rr * across[:, None] * across[None]
+            + rz * (mixed + mixed.swapaxes(0, 1))
+            + zz * along[:, None] * along[None]
+            + bend * around[:, None] * around[None]
+        )
+
+    def _cylindrical(self, x: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """Distance from the axis, height along it, and the unit vector e_r."""
+        axis = np.asarray(self.axis)
+        away = x - np.asarray(self.point)[:, None]
+        z = axis @ away
+        away = away - z * axis[:, None]
+        r = np.linalg.norm(away, axis=0)
+        return r, z, away / np.maximum(r, _TINY)
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder(declared.Cylinder, OfRevolution):
+    """Cylinder, with φ as the distance from it.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm.
+    point
+        A point of the axis in mm.
+    axis
+        Direction of the axis.
+    """
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "radius", positive_length("cylinder: radius", self.radius)
+        )
+        self._prepare("cylinder")
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        return r - self.radius
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        return np.ones_like(r), np.zeros_like(z)
+
+
+@dataclass(frozen=True, eq=False)
+class Cone(declared.Cone, OfRevolution):
+    """Cone that opens along its axis; φ is the distance on the opening side.
+
+    Parameters
+    ----------
+    angle
+        Half of the apex angle, between axis and surface, in radians.
+    point
+        Apex in mm.
+    axis
+        Direction from the apex along the axis into the cone.
+    """
+
+    def __post_init__(self) -> None:
+        angle = float(real_numbers("cone: angle", self.angle))
+        if not 0 < angle < np.pi / 2:
+            raise ValueError(
+                f"cone: angle must be between 0 and π/2 radians, got {angle:g}"
+            )
+        object.__setattr__(self, "angle", angle)
+        self._prepare("cone")
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        return r * np.cos(self.angle) - z * np.sin(self.angle)
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        one = np.ones_like(r)
+        return np.cos(self.angle) * one, -np.sin(self.angle) * one
+
+
+@dataclass(frozen=True, eq=False)
+class Torus(declared.Torus, OfRevolution):
+    """Torus, with φ as the distance from it.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm of the centre line of the tube.
+    tube
+        Radius of the tube in mm, the smaller of the two.
+    point
+        Centre in mm.
+    axis
+        Direction of the axis.
+    """
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "tube"):
+            value = positive_length(f"torus: {name}", getattr(self, name))
+            object.__setattr__(self, name, value)
+        if self.tube >= self.radius:
+            raise ValueError(
+                f"torus: tube must be smaller than radius, got {self.tube:g} mm and "
+                f"{self.radius:g} mm"
+            )
+        self._prepare("torus")
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        return np.hypot(r - self.radius, z) - self.tube
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        away = np.maximum(np.hypot(r - self.radius, z), _TINY)
+        return (r - self.radius) / away, z / away
+
+    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        away = np.maximum(np.hypot(r - self.radius, z), _TINY)
+        c, s = self._df(r, z)
+        return s * s / away, -c * s / away, c * c / away
+
+
+def _vector(what: str, value: Vector) -> ndarray:
+    """Finite vector of three components."""
+    vector = real_numbers(what, value)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"{what} must be three finite numbers, got {value!r}")
+    return vector
+
+
+def _unit(what: str, value: Vector) -> ndarray:
+    """Unit vector along a nonzero vector."""
+    vector = _vector(what, value)
+    if not vector.any():
+        raise ValueError(f"{what} must not be zero")
+    vector = vector / np.abs(vector).max()
+    return vector / np.linalg.norm(vector)
+
+
+def positive_length(what: str, value: ArrayLike) -> float:
+    """Positive finite length in mm."""
+    number = real_numbers(what, value)
+    if number.shape or not (np.isfinite(number) and number > 0):
+        raise ValueError(f"{what} must be a positive length in mm, got {value!r}")
+    return float(number)
+
+
+class Height(NamedTuple):
+    """Height and its derivatives, each of shape (n,)."""
+
+    h: ndarray
+    x: ndarray
+    y: ndarray
+    xx: ndarray
+    xy: ndarray
+    yy: ndarray
+
+
+#: Height and derivatives at points, ``(x, y) -> Height``.
+HeightFunction: TypeAlias = Callable[[ndarray, ndarray], Height]
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField:
+    """Surface z = h(x, y), φ = z − h.
+
+    Parameters
+    ----------
+    height
+        h and its first and second derivatives, ``(x, y) -> Height``.
+
+    Examples
+    --------
+    A saddle:
+
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> def saddle(x, y):
+    ...     zero, a = np.zeros_like(x), 0.01
+    ...     return drape.Height(a * x * y, a * y, a * x, zero, zero + a, zero)
+    >>> surface = drape.HeightField(saddle)
+    >>> surface.level(np.array([[10.0], [20.0], [3.0]]))
+    array([1.])
+    """
+
+    height: HeightFunction
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        return x[2] - self.height(*x[:2]).h
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        at = self.height(*x[:2])
+        return np.array([-at.x, -at.y, np.ones_like(at.x)])
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        at, zero = self.height(*x[:2]), np.zeros(x.shape[1])
+        rows = (at.xx, at.xy, zero), (at.xy, at.yy, zero), (zero, zero, zero)
+        return -np.array(rows)
+
+
+def double_dome(
+    height: float = 60.0,
+    length: float = 180.0,
+    width: float = 75.0,
+    waist: float = 0.25,
+    valley: float = 60.0,
+) -> HeightField:
+    """Smooth double dome, z = H (exp(−(x/a)⁴ − (y/b)⁴) − 1), with its top at z = 0.
+
+    Its half width b = w (1 − s exp(−(x/v)²)) is smaller in the middle.
+
+    Parameters
+    ----------
+    height
+        H in mm.
+    length, width
+        Half length a and half width w in mm, at which the height is H/e.
+    waist
+        Relative reduction s of the width in the middle, from 0 to less than 1.
+    valley
+        Half length v of the waist in mm.
+
+    Raises
+    ------
+    ValueError
+        If a length is not positive, or the waist is not between 0 and 1.
+    """
+    lengths = height, length, width, valley
+    if not (all(np.isfinite(x) and x > 0 for x in lengths) and 0 <= waist < 1):
+        raise ValueError(
+            "double dome: height, length, width and valley must be positive, and "
+            f"waist at least 0 and less than 1, got {(*lengths, waist)}"
+        )
+    at = partial(
+        _dome, height=height, length=length, width=width, waist=waist, valley=valley
+    )
+    return HeightField(at)
+
+
+def _dome(
+    x: ndarray,
+    y: ndarray,
+    height: float,
+    length: float,
+    width: float,
+    waist: float,
+    valley: float,
+) -> Height:
+    narrow = waist * np.exp(-((x / valley) ** 2))
+    b = width * (1 - narrow)
+    b_x = width * narrow * 2 * x / valley**2
+    b_xx = width * narrow * (2 - 4 * (x / valley) ** 2) / valley**2
+    r = y / b
+    r_x = -r * b_x / b
+    r_xx = -r_x * b_x / b - r * (b_xx / b - (b_x / b) ** 2)
+    q = (x / length) ** 4 + r**4
+    q_x = 4 * x**3 / length**4 + 4 * r**3 * r_x
+    q_y = 4 * r**3 / b
+    q_xx = 12 * x**2 / length**4 + 12 * r**2 * r_x**2 + 4 * r**3 * r_xx
+    q_xy = 12 * r**2 * r_x / b - 4 * r**3 * b_x / b**2
+    q_yy = 12 * r**2 / b**2
+    e = height * np.exp(-q)
+    return Height(
+        h=e - height,
+        x=-q_x * e,
+        y=-q_y * e,
+        xx=(q_x**2 - q_xx) * e,
+        xy=(q_x * q_y - q_xy) * e,
+        yy=(q_y**2 - q_yy) * e,
+    )

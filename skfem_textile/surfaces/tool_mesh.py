@@ -1,0 +1,279 @@
+"""Elements of a tool, and triangulation of surfaces for pictures."""
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy import ndarray
+
+from ..mesh.checks import MeshError
+from ..mesh.user_input import keep_copies, real_numbers
+from .surface import GrowingSurface, Surface
+from .triangles import boundary_edges, edge_lengths, unit
+
+
+@dataclass(frozen=True, eq=False)
+class ToolMesh:
+    """Triangles and quadrilaterals in space, one block after the other.
+
+    Parameters
+    ----------
+    points
+        Nodes in mm, shape (3, n_nodes).
+    cells
+        Node numbers of the elements, arrays of shape (3, n) and (4, n), anticlockwise
+        as seen from outside.
+
+    Raises
+    ------
+    MeshError
+        If a node is undefined or not finite, or an element has no area.
+    """
+
+    points: ndarray
+    cells: tuple[ndarray, ...]
+
+    def __post_init__(self) -> None:
+        points = real_numbers("tool mesh: points", self.points)
+        if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
+            raise MeshError("tool mesh: points must be finite numbers of shape (3, n)")
+        for cell in self.cells:
+            if np.ndim(cell) != 2 or len(cell) not in (3, 4):
+                raise MeshError(
+                    "tool mesh: cells must be node numbers of shape (3, n) or (4, n), "
+                    f"not {np.shape(cell)}"
+                )
+            if (
+                np.size(cell)
+                and not 0 <= np.min(cell) <= np.max(cell) < points.shape[1]
+            ):
+                raise MeshError("tool mesh: an element refers to an undefined node")
+        object.__setattr__(self, "points", points)
+        keep_copies(self, "cells")
+        if not self.n_elements:
+            raise MeshError("tool mesh: there are no triangles or quadrilaterals")
+        flat = np.flatnonzero(~(np.linalg.norm(self._area_vectors(), axis=0) > 0))
+        if flat.size:
+            raise MeshError(f"tool mesh: element {flat[0] + 1} has zero area")
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements."""
+        return sum(np.shape(cell)[1] for cell in self.cells)
+
+    @property
+    def area(self) -> float:
+        """Area in mm²."""
+        return float(self.areas().sum())
+
+    def areas(self) -> ndarray:
+        """Area of each element in mm², shape (n_elements,)."""
+        return 0.5 * np.linalg.norm(self._area_vectors(), axis=0)
+
+    def centres(self) -> ndarray:
+        """Means of the corners, shape (3, n_elements)."""
+        return np.hstack([self.points[:, cell].mean(axis=1) for cell in self.cells])
+
+    def normals(self) -> ndarray:
+        """Unit normals at the centres, shape (3, n_elements)."""
+        return unit(self._area_vectors())
+
+    def longest_edges(self) -> ndarray:
+        """Longest edge of each element in mm, shape (n_elements,)."""
+        return np.hstack(
+            [edge_lengths(self.points, cell).max(axis=0) for cell in self.cells]
+        )
+
+    def triangles(self) -> ndarray:
+        """Nodes of triangles, with quadrilaterals cut in two, shape (3, n)."""
+        return cut_in_two(self.cells)
+
+    def boundary(self) -> list[ndarray]:
+        """Closed curves along the edges of only one element, the longest first.
+
+        Returns
+        -------
+        list
+            Points of each curve, shape (3, n), the first not repeated.
+
+        Raises
+        ------
+        MeshError
+            If there is no such edge, or more than two of them meet at a node.
+        """
+        edges = boundary_edges(self.cells)
+        if not edges.size:
+            raise MeshError(
+                "tool mesh: the surface is closed and has no boundary to trim along"
+            )
+        curves = [self.points[:, nodes] for nodes in loops_of_edges(edges)]
+        return sorted(curves, key=curve_length, reverse=True)
+
+    def _area_vectors(self) -> ndarray:
+        """Normals with twice the area as length, by cross products."""
+        corners = [self.points[:, cell] for cell in self.cells]
+        pairs = [(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]) for x in corners]
+        return np.hstack([np.cross(one, other, axis=0) for one, other in pairs])
+
+
+def cut_in_two(cells: tuple[ndarray, ...]) -> ndarray:
+    """Nodes of triangles, with quadrilaterals cut in two, shape (3, n)."""
+    cuts = {3: ([0, 1, 2],), 4: ([0, 1, 2], [0, 2, 3])}
+    return np.hstack([cell[cut] for cell in cells for cut in cuts[len(cell)]])
+
+
+def loops_of_edges(edges: ndarray) -> list[ndarray]:
+    """Nodes of the closed curves along directed edges, shape (2, n).
+
+    Raises
+    ------
+    MeshError
+        If more than two of them meet at a node.
+    """
+    start, end = edges.tolist()
+    after = dict(zip(start, end, strict=True))
+    if len(after) < len(start) or len(set(after.values())) < len(end):
+        raise MeshError(
+            "tool mesh: the boundary crosses itself, or the elements are oriented "
+            "inconsistently"
+        )
+    loops = []
+    while after:
+        begin = at = next(iter(after))
+        nodes = []
+        while at in after:
+            nodes.append(at)
+            at = after.pop(at)
+        if at != begin:
+            raise MeshError("tool mesh: the boundary is not a closed curve")
+        loops.append(np.array(nodes))
+    return loops
+
+
+def curve_length(curve: ndarray) -> float:
+    """Length of a closed polyline, shape (d, n)."""
+    return float(np.linalg.norm(np.roll(curve, -1, axis=1) - curve, axis=0).sum())
+
+
+# Corners of a cube, and its six tetrahedra along the paths from the first corner to the
+# last.
+_CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+_TETRAHEDRA = np.array(
+    [
+        np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(path)]], axis=0)
+        @ np.array([4, 2, 1])
+        for path in permutations(range(3))
+    ]
+)
+
+# Number of Newton steps that project corners onto the surface.
+_STEPS = 3
+
+
+def triangles_on(
+    surface: Surface, low: ndarray, high: ndarray, cells: int
+) -> tuple[ndarray, ndarray]:
+    """Triangles on a surface within a box, by marching tetrahedra.
+
+    Parameters
+    ----------
+    surface
+        The surface.
+    low, high
+        Corners of the box in mm, shape (3,).
+    cells
+        Number of cubes along its longest side.
+
+    Returns
+    -------
+    tuple
+        Corners of the triangles in mm, shape (3, n), and their numbers, (3,
+        n_triangles); empty if the surface is outside the box.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> box = np.full(3, -1.1), np.full(3, 1.1)
+    >>> x, t = drape.triangles_on(drape.Sphere(1.0), *box, 24)
+    >>> a, b, c = x[:, t[0]], x[:, t[1]], x[:, t[2]]
+    >>> area = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    >>> bool(abs(area / (4 * np.pi) - 1) < 0.01)
+    True
+    """
+    spacing = float((high - low).max()) / cells
+    counts = np.maximum(np.ceil((high - low) / spacing - 1e-9).astype(int), 1)
+    grid = np.meshgrid(
+        *(np.linspace(a, b, n + 1) for a, b, n in zip(low, high, counts, strict=True)),
+        indexing="ij",
+    )
+    points = np.array(grid).reshape(3, -1)
+    with np.errstate(all="ignore"):  # values that are not finite are on neither side
+        level = surface.level(points)
+    strides = np.array([(counts[1] + 1) * (counts[2] + 1), counts[2] + 1, 1])
+    first = np.array(np.meshgrid(*map(np.arange, counts), indexing="ij"))
+    cubes = strides @ first.reshape(3, -1)
+    corners = (cubes[:, None] + _CORNERS @ strides).T
+    above = level[corners] > 0
+    crossed = (above != above[0]).any(axis=0) & np.isfinite(level[corners]).all(axis=0)
+    tetrahedra = corners[:, crossed][_TETRAHEDRA].transpose(1, 0, 2).reshape(4, -1)
+    ends = np.sort(_crossed_edges(tetrahedra, level).reshape(2, -1), axis=0)
+    # One number an edge, which sorts far faster than pairs, in the same order.
+    edges, inverse = np.unique(ends[0] * level.size + ends[1], return_inverse=True)
+    pairs = np.divmod(edges, level.size)
+    share = level[pairs[0]] / (level[pairs[0]] - level[pairs[1]])
+    x = points[:, pairs[0]] * (1 - share) + points[:, pairs[1]] * share
+    for _ in range(_STEPS):
+        gradient = surface.gradient(x)
+        x = x - surface.level(x) / (gradient**2).sum(axis=0) * gradient
+    return x, inverse.reshape(3, -1)
+
+
+def triangles_within(
+    surface: Surface, low: ndarray, high: ndarray, cells: int
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Triangles of a surface in a box: corners, connectivity and normals.
+
+    A `TriangleMesh` returns its own triangles, without extension beyond its edges.
+
+    Parameters
+    ----------
+    surface, low, high, cells
+        See `triangles_on`.
+
+    Returns
+    -------
+    tuple
+        Corners (3, n), their numbers (3, n_triangles), and normals of any length (3,
+        n_triangles).
+    """
+    tool = surface.surface if isinstance(surface, GrowingSurface) else surface
+    facets = getattr(tool, "facets", None)
+    if facets is None or getattr(surface, "t", 1.0) == 0:
+        x, triangles = triangles_on(surface, low, high, cells)
+        return x, triangles, surface.gradient(x[:, triangles].mean(axis=1))
+    x, triangles = facets.points, facets.triangles()
+    if isinstance(surface, GrowingSurface):
+        point = surface.point[:, None]
+        x = point + (x - point) / surface.t
+    inside = (np.clip(x.T, low, high) == x.T).all(axis=1)
+    triangles = triangles[:, inside[triangles].any(axis=0)]
+    a, b, c = x[:, triangles].swapaxes(0, 1)
+    return np.clip(x.T, low, high).T, triangles, np.cross(b - a, c - a, axis=0)
+
+
+def _crossed_edges(tetrahedra: ndarray, level: ndarray) -> ndarray:
+    """Ends of the edges on which corners of triangles lie, shape (2, 3, n)."""
+    above = level[tetrahedra] > 0
+    order = np.argsort(above, axis=0, kind="stable")  # those below first
+    a, b, c, d = np.take_along_axis(tetrahedra, order, axis=0)
+    n = above.sum(axis=0)
+    one, two, three = (np.flatnonzero(n == k) for k in (1, 2, 3))
+    crossed = [
+        ([d, d, d], [a, b, c], one),
+        ([a, a, a], [b, c, d], three),
+        ([a, a, b], [c, d, c], two),
+        ([b, b, a], [d, c, d], two),
+    ]
+    edges = [np.array(ends)[:, :, of] for *ends, of in crossed]
+    return np.concatenate(edges, axis=2)

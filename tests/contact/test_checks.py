@@ -1,0 +1,204 @@
+"""Checks of tools before a run: room between them, sides, contact."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import (
+    BodyForce,
+    Condition,
+    Fabric,
+    Full,
+    Holder,
+    LoadStepper,
+    Ply,
+    Tool,
+    drape,
+)
+from skfem_textile.contact.checks import check_tools
+from skfem_textile.scenes import (
+    Case,
+    double_dome_forming,
+    hemisphere_forming,
+)
+from tests.contact.conftest import MIRRORS
+from tests.helpers import graph
+
+SIDE = np.linspace(-60.0, 60.0, 9)
+MESH = MeshQuad.init_tensor(SIDE, SIDE).with_defaults()
+QUARTER = MeshQuad.init_tensor(SIDE[4:], SIDE[4:]).with_defaults()
+UP = (0, 0, 8.0)
+SHEET = np.array([[-90.0, 90.0, 90.0, -90.0], [-90.0, -90.0, 90.0, 90.0]])
+
+
+def ply(*terms, mesh=MESH, **options):
+    return Ply(mesh, Fabric(1e4), Full(), terms=terms, dimension=3, **options)
+
+
+quarter = partial(ply, mesh=QUARTER, fibre_ends=MIRRORS)
+
+
+def punch(travel, radius=30.0, **options):
+    sphere = drape.Sphere(radius, (0, 0, -radius - 0.2))
+    return Tool(sphere, motion=(0, 0, travel), name="punch", **options)
+
+
+def lid(height):
+    return Tool(drape.Plane((0, 0, height)), name="lid")
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        hemisphere_forming(radius=40.0, travel=90.0),  # deeper than the sphere
+        hemisphere_forming(radius=120.0, fillet=5.0, width=500.0, height=500.0),
+        hemisphere_forming(gap=0.0),
+        double_dome_forming(gap=0.05),
+    ],
+)
+def test_tools_of_scenes_have_room_for_the_ply(scene):
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
+    check_tools(Case(scene=scene, fabric=fabric).ply())
+    check_tools(ply())
+
+
+@pytest.mark.parametrize("travel", [20.0, 60.0])
+def test_no_room_at_the_end_is_refused_with_the_depth(travel):
+    """A sphere and a plane overlap by the travel beyond the plane."""
+    node = r"'punch' pushes node \d+, at \(0, 0, 0\) mm in the undeformed ply, "
+    message = f"^tools 'punch' and 'lid' leave no room .* at load factor .*: {node}"
+    with pytest.raises(ValueError, match=message) as error:
+        check_tools(ply(punch(travel), lid(10.0)))
+    t = float(str(error.value).partition("load factor ")[2].partition(":")[0])
+    depth = t * travel - 0.2 - 10.0
+    assert f"{depth:.3g} mm into 'lid'" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_tools_that_just_fit_are_accepted():
+    check_tools(ply(punch(10.2), lid(10.0)))
+    dome = drape.double_dome(20.0, 40.0, 30.0)
+    cavity = drape.HeightField(
+        lambda x, y: dome.height(x, y)._replace(h=dome.height(x, y).h + 20.0)
+    )
+    tools = (
+        Tool(dome, motion=(0, 0, 20.0), name="punch"),
+        Tool(cavity, side=-1, name="die"),
+    )
+    check_tools(ply(*tools))
+    further = Tool(dome, motion=(0, 0, 22.0), name="punch")
+    with pytest.raises(ValueError, match="'punch' and 'die' leave no room"):
+        check_tools(ply(further, tools[1]))
+
+
+def test_no_room_at_the_beginning_is_refused():
+    holder = Holder(drape.Plane((0, 0, 0.2)), gap=0.1, side=-1)
+    low = Tool(drape.Plane((0, 0, 0.05)), side=-1, name="low")
+    with pytest.raises(ValueError, match=r"'holder' and 'low' .* at load factor 0: "):
+        check_tools(ply(low, holder))
+
+
+HELD = {"left": Condition("left")}
+
+
+@pytest.mark.parametrize("travel", [20.0, 30.0])
+def test_a_punch_larger_than_the_hole_of_its_die_is_refused(travel):
+    """Beside the punch, below the die, there is room; the tools cross nevertheless.
+
+    A sphere of radius 30 in a hole of radius 20: it stops where both are 20 wide.
+    """
+    die = Tool(drape.Die(20.0, 2.0, (0, 0, 0.2)), name="die")
+    holder = Holder(drape.Plane((0, 0, 0.2)), gap=0.4, side=-1, name="holder")
+    message = "tools 'punch' and 'die' leave no room .* pushes node .* mm into 'die'"
+    with pytest.raises(ValueError, match=message) as error:
+        check_tools(ply(punch(travel), die, holder))
+    assert "\n" not in str(error.value)
+    check_tools(ply(punch(30 - 500**0.5), die, holder))
+
+
+def test_walls_and_bottom_of_a_box_may_overlap():
+    """The walls push nodes at the edges into the bottom, which pushes them up."""
+    walls = [
+        Tool(drape.Plane((x, 0, 0), (-x, 0, 0)), side=1, name=f"wall at {x}")
+        for x in (-58, 58)
+    ]
+    bottom = Tool(drape.Plane((0, 0, -5)), motion=(0, 0, 10), name="bottom")
+    check_tools(ply(bottom, *walls))
+
+
+def test_tools_beside_the_ply_are_refused():
+    corner = np.array([[54.0, 55.0, 55.0], [54.0, 54.0, 55.0]])
+    message = "all its nodes are beyond the edges or outlines of the tools"
+    with pytest.raises(ValueError, match=message):
+        check_tools(ply(punch(10.0, outline=corner, side=1)))
+    x, t = graph(np.linspace(100.0, 160.0, 9), lambda x, y: 0 * x - 1)
+    tool = Tool(drape.TriangleMesh(x, t), UP, side=1)
+    with pytest.raises(ValueError, match=message):
+        check_tools(quarter(tool))
+
+
+def test_a_ply_that_a_load_or_support_moves_may_touch_later():
+    check_tools(ply(punch(-10.0), BodyForce((0, 0, -1e-6))))
+    edges = {"left": Condition("left", (0.0, 0.0, -20.0))}
+    LoadStepper(ply(punch(-10.0)), edges)
+    still = {"left": Condition("left", (0.0, 0.0, 0.0))}
+    with pytest.raises(ValueError, match="nothing touches the ply"):
+        LoadStepper(ply(punch(-10.0)), still)
+
+
+def test_a_tool_in_the_middle_of_its_motion_is_found():
+    """It touches the ply from 0.45 to 0.55 of the load only."""
+
+    def motion(t):
+        return 0.0, 0.0, 2.0 - 40 * abs(t - 0.5)
+
+    check_tools(ply(Tool(punch(0.0).surface, motion, name="punch")))
+
+
+@pytest.mark.parametrize(
+    ("tool", "boundary"),
+    [
+        (Tool(drape.Sphere(30.0, (0.5, 0, -30.2)), UP), "left"),
+        (Tool(drape.Sphere(30.0, (0, 0.5, -30.2)), UP), "bottom"),
+        (Tool(drape.Cylinder(30.0, (0, 0, -30.2), (0.02, 1, 0)), UP), "left"),
+        (Tool(drape.Plane((0, 0, -1), (0, 0.01, 1)), UP, side=1), "bottom"),
+        (Tool(drape.Die(34.0, 6.0, (0, -1, 0.2)), (0, 0, -8.0)), "bottom"),
+        (Tool(drape.Sphere(30.0, (0, 0, -30.2)), (2.0, 0, 8.0)), "left"),
+        (
+            Holder(drape.Sphere(300.0, (9, 0, -301)), pressure=0.1, outline=SHEET),
+            "left",
+        ),
+    ],
+)
+def test_a_tool_without_the_symmetry_of_a_quarter_is_refused(tool, boundary):
+    """Of any surface, motion or holder; the whole ply is accepted."""
+    tools = replace(tool, name="one"), punch(2.0)
+    message = f"'one' is not symmetric about the boundary '{boundary}' of the ply: it "
+    with pytest.raises(ValueError, match=message) as error:
+        check_tools(quarter(*tools))
+    assert "\n" not in str(error.value)
+    check_tools(ply(*tools))
+
+
+def test_a_part_that_deviates_only_where_the_ply_is_pushed_is_refused():
+    """The roof of a cavity, 20 mm above a ply that a punch pushes there."""
+
+    def height(x, y):
+        h, dome = 20.0 + 0.01 * x, np.zeros_like(x)
+        return drape.Height(h, dome + 0.01, dome, dome, dome, dome)
+
+    roof = Tool(drape.HeightField(height), name="roof")
+    with pytest.raises(ValueError, match="'roof' is not symmetric about the boundary"):
+        check_tools(quarter(punch(19.0), roof))
+
+
+def test_a_surface_that_is_defined_for_a_quarter_only_is_accepted():
+    def height(x, y):
+        h = -0.2 - (x**2 + y**2) / 200 + np.where(x < -1e-9, np.nan, 0.0)
+        dome = np.zeros_like(x)
+        return drape.Height(h, -x / 100, -y / 100, dome - 0.01, dome, dome - 0.01)
+
+    check_tools(quarter(Tool(drape.HeightField(height), UP, side=1)))

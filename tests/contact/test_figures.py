@@ -1,0 +1,346 @@
+"""Figures of formed plies, against exact answers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Result,
+    Tool,
+    Values,
+    drape,
+)
+from skfem_textile.contact import (
+    areal_weight,
+    contacts,
+    draw_in,
+    fibre_curvature,
+    formed,
+    smallest_gap,
+    tool_forces,
+    tool_history,
+    tool_pressure,
+    touching,
+    travels,
+    turn_on_tool,
+)
+from skfem_textile.contact.figures import mirror_images
+from skfem_textile.io.forming import fields_between_tools
+
+R = 50.0
+FORMULATIONS = [Macro(), OnePoint(), Full(), Quadratic()]
+
+
+def square(formulation=None, terms=(), n=6, side=60.0):
+    """Square ply in space, its first corner at the origin."""
+    x = np.linspace(0, side, n + 1)
+    mesh = MeshQuad.init_tensor(x, x).with_defaults()
+    fabric = Fabric(10.0, 0.5, bending=(1.0, 1.0))
+    return Ply(mesh, fabric, formulation or Full(), terms=terms, dimension=3)
+
+
+def moved(ply, position):
+    """Displacement to a position, a function of x and y."""
+    X = np.pad(ply.nodes, ((0, 1), (0, 0)))
+    return (np.array(np.broadcast_arrays(*position(*ply.nodes))) - X).T.ravel()
+
+
+def bent(ply):
+    """Displacement to a cylinder along y with the radius R, its top at z = 0."""
+    return moved(ply, lambda x, y: (R * np.sin(x / R), y, R * np.cos(x / R) - R))
+
+
+def on_cylinder(formulation=None, n=6):
+    """Ply bent over a cylinder, the contact, and a state in which all nodes touch."""
+    cylinder = drape.Cylinder(R, (0, 0, -R), (0, 1, 0))
+    ply = square(formulation, [Tool(cylinder, side=1)], n)
+    (contact,) = contacts(ply)
+    ones = np.ones(ply.nodes.shape[1])
+    values = Values({"force": contact.areas, "stiffness": 1e-6 * ones})
+    state = replace(
+        FLAT, u=bent(ply), parameters={**ply.parameters_at_rest, contact.name: values}
+    )
+    return ply, contact, state
+
+
+@pytest.fixture(scope="module", autouse=True)
+def flat():
+    """A state, whose displacement and parameters the tests replace."""
+    global FLAT
+    ply = square(terms=[Tool(drape.Plane(), side=1)], n=1)
+    edges = {name: Condition(name) for name in ("left", "right", "top", "bottom")}
+    FLAT = LoadStepper(ply, edges, steps=1).run().states[-1]
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+def test_draw_in_of_a_quarter_is_along_the_planes_of_symmetry(formulation):
+    """A rim whose edges move by a and b: these, and (a + b)/√2 at the corner."""
+    ply = square(formulation)
+    drawn = draw_in(ply, moved(ply, lambda x, y: (0.9 * x, 0.8 * y, x * y)))
+    assert drawn.at(0.0) == pytest.approx(6.0)
+    assert drawn.at(np.pi / 2) == pytest.approx(12.0)
+    assert drawn.at(np.pi / 4) == pytest.approx(18 / np.sqrt(2))
+    assert drawn.at(np.radians(20)) == pytest.approx(6.0)
+    assert drawn.at(np.pi) is None
+    stretched = moved(ply, lambda x, y: (1.1 * x, y, 0))
+    assert draw_in(ply, stretched).at(0.0) == pytest.approx(-6.0)
+    inner = (drawn.x[0] == 0) & (drawn.x[1] < 60) | (drawn.x[1] == 0) & (
+        drawn.x[0] < 60
+    )
+    assert np.abs(drawn.inwards[inner]).max() < 1e-12
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+def test_areal_weight_of_stretched_and_sheared_fibres(formulation):
+    """m₀/(λ₁ λ₂ cos Γ) of fibres at right angles at rest."""
+    ply, stretch, angle = square(formulation), (1.1, 0.9), np.radians(40.0)
+    warp = stretch[0] * np.array([1, 0, 0])
+    weft = np.array([np.sin(angle), 0.6 * np.cos(angle), 0.8 * np.cos(angle)])
+    weft *= stretch[1]
+    u = moved(ply, lambda x, y: [warp[i] * x + weft[i] * y for i in range(3)])
+    expected = 1 / (stretch[0] * stretch[1] * np.cos(angle))
+    assert areal_weight(ply, u, 300.0) == pytest.approx(300 * expected)
+
+
+def test_thickness_at_constant_fibre_fraction_where_a_tool_states_it():
+    """A ply of 0.4 mm whose area decreases by a fifth is 0.5 mm thick."""
+    for thickness, expected in ((0.4, 0.5), (0.0, None)):
+        plane = Tool(drape.Plane((0, 0, -1.0)), side=1, thickness=thickness)
+        ply = square(terms=[plane])
+        u = moved(ply, lambda x, y: (0.8 * x, y, 0))
+        state = replace(
+            FLAT,
+            u=u,
+            parameters=ply.parameters_at_rest,
+            reactions={"tool": np.zeros(3)},
+            displacements={},
+        )
+        figures = formed(Result.of_state(ply, {}, state))
+        for most in ("max", "min"):
+            name = f"{most}_thickness_at_constant_fibre_fraction_mm"
+            assert figures.get(name) == (expected and pytest.approx(expected))
+        cells = fields_between_tools(ply, state)[1]
+        field = cells.get("thickness_at_constant_fibre_fraction")
+        assert (field is None) == (expected is None)
+        assert field is None or field == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("formulation", [Macro(), Full()])
+def test_penetration_between_nodes_is_the_sagitta(formulation):
+    ply, contact, state = on_cylinder(formulation)
+    least = smallest_gap(ply, contact, state.u, 1.0)
+    side = np.ptp(ply.mesh.p[0, ply.mesh.t], axis=0).max()
+    assert least.gap == pytest.approx(R * np.cos(side / (2 * R)) - R)
+    assert np.hypot(least.place[0], least.place[2] + R) - R == pytest.approx(least.gap)
+    corners = ply.mesh.p[:, ply.mesh.t[:, least.element]]
+    at = R * np.arcsin(least.place[0] / (R + least.gap))
+    assert corners[0].min() <= at <= corners[0].max()
+    assert np.abs(contact.gaps(state.u, 1.0)).max() < 1e-12
+
+
+def test_quadratic_plies_are_checked_at_nodes_without_contact():
+    """Corners of quadratic triangles touch no tool, but are points of the ply."""
+    ply, contact, state = on_cylinder(Quadratic())
+    u = state.u.copy()
+    u[3 * 10 + 2] -= 0.5
+    least = smallest_gap(ply, contact, u, 1.0)
+    x = ply.nodal(u)[:, 10] + [*ply.nodes[:, 10], 0]
+    assert least.place == pytest.approx(x)
+    assert 10 in ply.mesh.t[:, least.element]
+    assert contact.gaps(u, 1.0).min() > -1e-9
+
+
+def test_a_tool_out_of_reach_has_no_gap():
+    outline = [[100.0, 110.0, 110.0], [100.0, 100.0, 110.0]]
+    ply = square(terms=[Tool(drape.Plane((0, 0, -1)), side=1, outline=outline)])
+    assert smallest_gap(ply, contacts(ply)[0], ply.basis.zeros(), 1.0) is None
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+def test_contact_pressure_is_per_current_area(formulation):
+    """Uniform forces of 0.02 N/mm² on a ply whose area increases by a tenth."""
+    plane = Tool(drape.Plane((0, 0, 0)), side=1, name="plane")
+    ply = square(formulation, [plane])
+    (contact,) = contacts(ply)
+    values = {"force": 0.02 * contact.areas, "stiffness": np.ones(ply.nodes.shape[1])}
+    state = replace(
+        FLAT,
+        u=moved(ply, lambda x, y: (1.1 * x, y, 0)),
+        parameters={**ply.parameters_at_rest, "plane": Values(values)},
+        reactions={"plane": np.array([0.0, 0.0, 72.0])},
+        displacements={},
+    )
+    assert tool_pressure(ply, contact, state) == pytest.approx(0.02 / 1.1)
+    assert touching(ply, contact, state).all()
+    figures = formed(Result.of_state(ply, {}, state))
+    assert figures["plane_max_pressure_N_per_mm2"] == pytest.approx(0.02 / 1.1)
+    assert figures["plane_force_N"] == pytest.approx(72.0)
+    assert figures["plane_penetration_mm"] == 0.0
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_turn_of_a_tool_under_an_element(n):
+    ply, contact, state = on_cylinder(n=n)
+    assert turn_on_tool(ply, contact, state) == pytest.approx(60 / n / R)
+
+
+def test_elements_that_do_not_touch_have_no_turn():
+    ply, contact, state = on_cylinder()
+    force = np.where(ply.nodes[0] < 15, 1.0, 0.0)
+    stiffness = 1e-6 * np.ones_like(force)
+    values = Values({"force": force, "stiffness": stiffness})
+    state = replace(state, parameters={**ply.parameters_at_rest, contact.name: values})
+    turned = turn_on_tool(ply, contact, state) > 0
+    near = ply.mesh.p[0, ply.mesh.t].min(axis=0) < 15
+    assert (turned == near).all()
+    assert (touching(ply, contact, state) == near).all()
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+def test_curvature_of_fibres_over_a_cylinder(formulation):
+    """1/R along the warp, 0 along the weft, up to the edges."""
+    ply = square(formulation)
+    curvature = fibre_curvature(ply, bent(ply))
+    x, y = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    inside = (np.minimum(x, y) > 12) & (np.maximum(x, y) < 48)
+    assert curvature[0, inside] == pytest.approx(-1 / R, rel=0.01)
+    assert np.abs(curvature[1, inside]).max() < 1e-4 / R
+
+
+def test_forces_of_the_tools_balance_over_the_travel(hemisphere):
+    travel, force = travels(hemisphere), tool_forces(hemisphere)
+    assert travel["punch"] == pytest.approx([0.0, 5.0, 10.0, 15.0])
+    assert not np.any(travel["die"])
+    assert (np.diff(force["punch"]) > 0).all()
+    balance = force["punch"] + force["die"] + force["holder"]
+    assert np.abs(balance).max() < 1e-6 * force["punch"].max()
+
+
+def test_a_printed_run_has_the_travel_of_the_tools_that_move(hemisphere):
+    head, *rows = str(hemisphere).splitlines()
+    assert head.startswith("load factor  punch (mm)      solves ")
+    assert "die" not in head
+    assert [row.split()[1] for row in rows[:4]] == ["0.00", "5.00", "10.00", "15.00"]
+    assert all(row.endswith("yes") and len(row) == len(head) for row in rows[1:4])
+
+
+def test_history_of_the_tools_agrees_with_summary_and_contacts(hemisphere):
+    history, figures = tool_history(hemisphere), formed(hemisphere)
+    for column in history:
+        assert figures[column] == history[column][-1]
+    for contact in contacts(hemisphere.ply):
+        touched = history[f"{contact.name}_nodes_in_contact"]
+        for n, state in zip(touched, hemisphere.states, strict=True):
+            gaps = contact.gaps(state.u, state.load_factor)
+            assert n <= (gaps < 1e-6).sum()
+        pressure = history[f"{contact.name}_max_pressure_N_per_mm2"]
+        assert ((pressure > 0) == (touched > 0)).all()
+    punched = history["punch_nodes_in_contact"]
+    assert punched[0] == 0 < punched[1] <= punched[3]
+
+
+def test_forces_of_tools_that_return_are_along_their_longest_travel():
+    """A wall that moves along x and back: the normal force has no part along x."""
+    wall = Tool(
+        drape.Plane((0, 0, -1.0)),
+        motion=lambda t: (4 * t * (1 - t), 0.0, 0.0),
+        side=1,
+        name="wall",
+    )
+    ply = square(terms=[wall], n=1)
+    force = np.zeros(4)
+    states = [
+        replace(FLAT, load_factor=t, u=ply.basis.zeros()) for t in (0.0, 0.5, 1.0)
+    ]
+    values = Values({"force": force + 1.0, "stiffness": force + 1e-6})
+    contact = {"parameters": {"wall": values}, "reactions": {"wall": np.eye(3)[2]}}
+    states = [replace(state, **contact) for state in states]
+    result = replace(Result.of_state(ply, {}, states[-1]), states=states)
+    assert travels(result)["wall"].tolist() == [0.0, 1.0, 0.0]
+    assert tool_forces(result)["wall"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_summary_of_a_formed_ply(hemisphere):
+    figures = formed(hemisphere)
+    state = hemisphere.states[-1]
+    assert figures["punch_travel_mm"] == pytest.approx(15.0)
+    assert figures["punch_force_N"] == pytest.approx(state.reactions["punch"][2])
+    whole = figures["punch_force_on_whole_ply_N"]
+    assert whole == pytest.approx(4 * figures["punch_force_N"])
+    x = hemisphere.ply.nodal(state.u)
+    (tip,) = np.flatnonzero((hemisphere.ply.nodes.T == (60, 0)).all(axis=1))
+    assert figures["draw_in_at_0_deg_mm"] == pytest.approx(-x[0, tip])
+    assert figures["max_draw_in_mm"] == pytest.approx(-x[0, tip])
+    assert figures["max_penetration_tool"] == "die"
+    die = contacts(hemisphere.ply)[1]
+    deepest = smallest_gap(hemisphere.ply, die, state.u, 1.0).gap
+    assert figures["die_penetration_mm"] == pytest.approx(-deepest)
+    assert figures["max_areal_weight_ratio"] == pytest.approx(
+        1 / hemisphere.ply.area_ratio(state.u).min(), rel=1e-3
+    )
+    assert "coarse_elements" not in figures
+    assert "not_formed" not in figures
+    assert "untouched_tools" not in figures
+    numbers = [x for x in figures.values() if not isinstance(x, str | list)]
+    assert np.isfinite(numbers).all()
+
+
+@pytest.mark.parametrize(
+    ("planes", "copies"),
+    [
+        ([], 1),
+        (["left"], 2),
+        (["left", "bottom"], 4),
+        (["left", "right"], 0),
+        (["left", "bottom", "top"], 0),
+    ],
+)
+def test_mirror_images_of_a_part_fit_together_or_are_not_counted(planes, copies):
+    ends = dict.fromkeys(planes, "mirror")
+    ply = Ply(square(n=1).mesh, Fabric(1.0), dimension=3, fibre_ends=ends)
+    assert mirror_images(ply) == copies
+
+
+def test_a_tool_that_touches_the_ply_in_no_state_is_named():
+    far = Tool(drape.Plane((0, 0, 500.0)), side=-1, name="far")
+    ply = square(terms=[Tool(drape.Plane(), side=1, name="table"), far], n=1)
+    rest = ply.parameters_at_rest
+    on_table = Values({name: x + 1.0 for name, x in rest["table"].items()})
+    zero, parameters = np.zeros(3), {**rest, "table": on_table}
+    moved = {"reactions": {"table": zero, "far": zero}, "parameters": parameters}
+    state = replace(FLAT, u=ply.basis.zeros(), **moved)
+    figures = formed(Result.of_state(ply, {}, state))
+    assert figures["untouched_tools"].startswith("no state touches 'far':")
+
+
+def test_a_fillet_under_large_elements_is_a_warning():
+    ply, _, state = on_cylinder(n=1)
+    figures = formed(Result.of_state(ply, {}, state))
+    assert figures["max_turn_of_normal_deg"] == pytest.approx(np.degrees(60 / R))
+    assert "use elements of 44% of the size" in figures["coarse_elements"]
+
+
+def test_a_ply_without_tools_has_no_figures():
+    ply = square()
+    assert formed(Result.of_state(ply, {}, replace(FLAT, u=ply.basis.zeros()))) == {}
+
+
+def test_a_run_that_stops_describes_the_ply_at_its_travel(stopped):
+    figures = formed(stopped.result)
+    assert "punch moved by 5 mm" in str(stopped)
+    assert figures["punch_travel_mm"] == pytest.approx(5.0)
+    assert figures["punch_force_N"] > 0
+    assert "punch 5 of 35 mm" in figures["not_formed"]
+    (punch, *_) = contacts(stopped.result.ply)
+    state = stopped.result.states[-1]
+    assert np.abs(punch.gaps(state.u, state.load_factor).min()) < 1e-6

@@ -1,0 +1,178 @@
+"""Tools in case files: surfaces, motions, holders, round trip and bad input."""
+
+import meshio
+import numpy as np
+import pytest
+
+from skfem_textile.cases import case_from_file, case_from_tables, declared
+from skfem_textile.cases.rows import Rows
+from skfem_textile.cases.write import case_text, reference
+from skfem_textile.contact import Holder
+from skfem_textile.drape import Die
+from tests.helpers import graph
+
+PUNCH = {
+    "surface": "sphere",
+    "name": "punch",
+    "radius_mm": 30.0,
+    "centre_mm": [0, 0, -30.2],
+    "motion_mm": [[0, 0, 0, 0], [0.5, 0, 0, 2], [1, 0, 0, 6]],
+}
+DIE = {"surface": "die", "radius_mm": 34.0, "fillet_mm": 6.0, "point_mm": [0, 0, 0.2]}
+HOLDER = {
+    "surface": "plane",
+    "point_mm": [0, 0, 0.2],
+    "side": -1,
+    "gap_mm": [[0, 3.0], [0.5, 0.4], [1, 0.4]],
+    "outline_mm": [[40, -90], [90, -90], [90, 90], [40, 90]],
+}
+SCENE = {
+    "name": "forming",
+    "width_mm": 120.0,
+    "height_mm": 120.0,
+    "part": "quarter",
+}
+
+
+def tables(*tools, scene=SCENE, **others):
+    return {"scene": scene, "mesh": {"size": [3, 3]}, "tools": [*tools], **others}
+
+
+def test_tools_of_a_case_move_with_the_load_factor():
+    case = case_from_tables(tables(PUNCH, DIE, HOLDER, stepping={"steps": 2}))
+    punch, die, holder = case.scene.tools
+    assert punch.motion(0.5).tolist() == [0, 0, 2]
+    assert punch.motion(0.75).tolist() == [0, 0, 4]
+    assert isinstance(die.surface, Die)
+    assert (die.name, holder.name) == ("tool_2", "tool_3")
+    assert isinstance(holder, Holder)
+    assert holder.gap(0.25) == pytest.approx(1.7)
+    assert np.shape(holder.outline) == (2, 4)
+    result = case.run()
+    half = next(state for state in result.states if state.load_factor == 0.5)
+    end = result.states[-1]
+    assert half.displacements["punch"].tolist() == [0, 0, 2]
+    assert end.displacements["punch"].tolist() == [0, 0, 6]
+    assert end.reactions["punch"][2] > half.reactions["punch"][2] > 0
+
+
+def test_a_tool_of_a_case_turns_about_an_axis_through_a_point():
+    """A quarter turn about y, then 3 mm along z, in the axes of the tools."""
+    moved = {"motion_axis": [0, -2, 0], "motion_point_mm": [-5, 0, 4]}
+    moved |= {"motion_mm": [0, 0, 3], "motion_deg": 90.0}
+    case = case_from_tables(tables({**PUNCH, **moved, "side": 1}))
+    (punch,) = case.scene.tools
+    turn, translation = punch.motion(1.0)
+    x = np.array([-5.0 + 2, 7, 4])
+    assert turn @ x + translation == pytest.approx([-5, 7, 4 + 2 + 3])
+    (a, b), (c, d) = punch.motion(0.5), punch.motion(0.0)
+    assert a @ a == pytest.approx(turn)
+    assert c == pytest.approx(np.eye(3))
+    assert np.abs(d).max() < 1e-12
+    half = a @ [-5.0, 7, 4] + b
+    assert half == pytest.approx([-5, 7, 5.5])
+    rows = {**PUNCH, "motion_deg": [[0, 0], [0.5, 30], [1, -30]]}
+    (punch,) = case_from_tables(tables(rows)).scene.tools
+    angles = [np.degrees(np.arcsin(punch.motion(t)[0][1, 0])) for t in (0.25, 0.5, 1)]
+    assert angles == pytest.approx([15, 30, -30])
+    assert punch.motion(0.5)[1].tolist() == [0, 0, 2]
+
+
+def test_the_weight_of_a_case_acts_from_the_start():
+    """A table carries it at all load factors; edges are not pulled."""
+    table = {"surface": "plane", "name": "table", "side": 1}
+    scene = SCENE | {"tension_N_per_mm": 0.0}
+    others = {"stepping": {"steps": 2}, "loads": {"weight_N_per_mm2": [0, 0, -2e-5]}}
+    result = case_from_tables(tables(table, scene=scene, **others)).run()
+    for state in result.states:
+        assert state.reactions["table"][2] == pytest.approx(2e-5 * 60**2, rel=1e-6)
+    with pytest.raises(ValueError, match=r"loads\.weight_N_per_mm2"):
+        case_from_tables(tables(table, loads={"weight_N_per_mm2": [1.0]}))
+    plane = {"scene": {"name": "trellis"}, "loads": {"weight_N_per_mm2": [0, 0, 1.0]}}
+    with pytest.raises(ValueError, match=r"'weight'.* finite vector of shape"):
+        case_from_tables(plane).ply()
+
+
+def test_the_weight_turns_with_a_scene_in_the_plane():
+    weight = {"weight_N_per_mm2": [0.0, -1e-5]}
+    scene = {"name": "bias_extension", "rotate_deg": 90.0}
+    irregular = {"source": "irregular", "size": [2, 4]}
+    case = case_from_tables({"scene": scene, "mesh": irregular, "loads": weight})
+    (load,) = case.loads
+    assert load.value == pytest.approx([1e-5, 0.0])
+
+
+def test_a_case_with_tools_is_written_and_read_again(tmp_path):
+    case = declared(tables(PUNCH, DIE, HOLDER))
+    file = tmp_path / "case.toml"
+    file.write_text(case_text(case, "# A case."), encoding="utf-8")
+    again = case_from_file(file)
+    assert [tool.name for tool in again.scene.tools] == ["punch", "tool_2", "tool_3"]
+    assert "\n[[tools]]" not in case_text(declared(tables()), "# A case.")
+
+
+def graph_file(path):
+    """Write a slope z = x / 4 over 0 ≤ x, y ≤ 80 mm, in metres."""
+    x, t = graph(np.linspace(0.0, 0.08, 9), lambda x, y: 0.25 * x)
+    meshio.Mesh(x.T, [("triangle", t.T)]).write(path)
+    return str(path)
+
+
+def test_a_tool_of_a_file_is_turned_about_the_origin_and_then_moved(tmp_path):
+    """x becomes y and y becomes -x; the unit applies to the file, not to the offset."""
+    placed = {"offset_mm": [10.0, 20.0, -30.0], "rotation_deg": 90.0}
+    file = {"surface": "triangles", "source": graph_file(tmp_path / "P.stl")}
+    case = declared(tables({**file, **placed, "unit": "m", "side": 1}))
+    path = tmp_path / "case.toml"
+    path.write_text(case_text(case, "# A case."), encoding="utf-8")
+    (tool,) = case_from_file(path).scene.tools
+    points = tool.surface.facets.points
+    low, high = points.min(axis=1), points.max(axis=1)
+    assert low == pytest.approx([10 - 80, 20, -30], abs=1e-5)
+    assert high == pytest.approx([10, 20 + 80, -30 + 20], abs=1e-5)
+    at = np.array([[-30.0], [60.0], [-30 + 10.0]])  # 40 mm along x in the file
+    assert tool.surface.level(at) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_tool_of_a_file_is_turned_about_any_axis(tmp_path):
+    file = {"surface": "triangles", "source": graph_file(tmp_path / "P.stl")}
+    turned = {"rotation_deg": 180.0, "rotation_axis": [3.0, 0, 0], "unit": "m"}
+    (tool,) = case_from_tables(tables({**file, **turned, "side": 1})).scene.tools
+    points = tool.surface.facets.points
+    low, high = points.min(axis=1), points.max(axis=1)
+    assert low == pytest.approx([0, -80, -20], abs=1e-5)
+    assert high == pytest.approx([80, 0, 0], abs=1e-5)
+
+
+def test_tools_apply_to_any_scene_in_space():
+    plate = {"surface": "plane", "point_mm": [0, 0, -20.0], "name": "table"}
+    scene = {"name": "cantilever"}
+    case = case_from_tables(
+        {"scene": scene, "mesh": {"size": [5, 1]}, "tools": [plate]}
+    )
+    result = case.run()
+    figures = case.summary(result)
+    assert result.ply.nodal(result.u)[2].min() > -20.0 - 1e-6
+    assert result.states[-1].reactions["table"][2] > 0
+    assert "tip_error_over_length" not in figures
+    assert {"table_gap_mm", "table_force_N"} & figures.keys()
+    assert figures["exact_answer"] == "none: tools act on the ply"
+
+
+def test_every_surface_is_in_the_reference():
+    listed = {entry.choice for entry in reference() if entry.table == "[tools]"}
+    assert listed >= {
+        "triangles",
+        "plane",
+        "sphere",
+        "cylinder",
+        "cone",
+        "torus",
+        "punch",
+        "die",
+    }
+
+
+def test_rows_are_interpolated():
+    rows = Rows("x", [(0.0, 1.0), (0.25, 3.0), (1.0, 0.0)])
+    assert [rows(t) for t in (0.0, 0.125, 0.25, 1.0)] == [1.0, 2.0, 3.0, 0.0]

@@ -1,0 +1,250 @@
+"""Meshes of the user fitted to the singular fibres."""
+
+import numpy as np
+import pytest
+import shapely
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import Condition, Fabric, LoadStepper, Macro, Ply, Quadratic
+from skfem_textile.mesh.checks import check_mesh
+from skfem_textile.mesh.selection import SINGULAR, with_named_nodes
+from skfem_textile.outlines import Outline, fitting, singular_fibres
+from skfem_textile.outlines.collapsing import smallest_angles
+from skfem_textile.outlines.fitting import fit_to_fibres
+from skfem_textile.outlines.meshing import mesh_outline
+from skfem_textile.scenes.rectangle import rectangle as irregular
+
+HELD = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 12.0))}
+
+
+def fabric(angle=45.0):
+    """Fabric with the families at ± an angle to the clamps."""
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    return Fabric(1e5, 0.5, (c, s), (-c, s))
+
+
+def rectangle(kind, n, height=100.0, shift=0.2):
+    """Distorted mesh of 50 mm by a height; the left half is a subdomain."""
+    quads = MeshQuad.init_tensor(
+        np.linspace(0, 50, n + 1), np.linspace(0, height, 2 * n + 1)
+    )
+    inner = np.ones(quads.p.shape[1], dtype=bool)
+    inner[quads.boundary_nodes()] = False
+    inner &= np.abs(quads.p[0] - 25) > 1e-9
+    p = quads.p.copy()
+    rng = np.random.default_rng(5)
+    p[:, inner] += shift * 50 / n * rng.uniform(-1, 1, (2, inner.sum()))
+    mesh = MeshQuad(p, quads.t)
+    mesh = mesh if kind is MeshQuad else mesh.to_meshtri()
+    return (
+        kind(mesh.p, mesh.t)
+        .with_defaults()
+        .with_subdomains({"left half": lambda x: x[0] < 25})
+    )
+
+
+def areas(mesh):
+    """Areas of triangles."""
+    a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)
+    return np.abs((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]) / 2
+
+
+def oriented(mesh):
+    """Triangles, anticlockwise."""
+    a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)
+    turned = (b - a)[0] * (c - a)[1] < (b - a)[1] * (c - a)[0]
+    return np.where(turned, mesh.t[[0, 2, 1]], mesh.t)
+
+
+@pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
+@pytest.mark.parametrize("angle", [37.0, 45.0, 56.0])
+def test_edges_cover_the_fibres(kind, angle, caplog):
+    """Named edges lie on the fibres and cover nearly all of their length.
+
+    Nodes beside the fibres have moved onto them: few nodes are new.
+    """
+    mesh = rectangle(kind, 12)
+    found = fit_to_fibres(mesh, fabric(angle), HELD).mesh
+    check_mesh(found)
+    fibres = singular_fibres(Outline.of_mesh(mesh), fabric(angle), HELD, finest=2.0)
+    length = sum(np.hypot(*np.diff(f.points, axis=1)).sum() for f in fibres.fibres)
+    x = found.p[:, found.facets[:, found.boundaries[SINGULAR]]]
+    assert np.hypot(*(x[:, 1] - x[:, 0])).sum() == pytest.approx(length, rel=0.05)
+    assert np.sum(areas(found)) == pytest.approx(5000)
+    on = np.unique(found.facets[:, found.boundaries[SINGULAR]])
+    assert np.mean(on < mesh.p.shape[1]) > 0.35
+    assert "have no edges" not in caplog.text
+
+
+def test_curved_fibres_meet_at_nodes():
+    """Also where an edge of one fibre is a chord that the other crosses."""
+
+    def curved(sign):
+        return lambda x: np.stack([1 + 0 * x[0], sign * (1 + 0.02 * x[0])])
+
+    bent, mesh = Fabric(1e5, 0.5, curved(1), curved(-1)), rectangle(MeshTri, 8)
+    found = fit_to_fibres(mesh, bent, HELD).mesh
+    lines = singular_fibres(Outline.of_mesh(mesh), bent, HELD, finest=1.0).fibres
+    lines = [shapely.linestrings(line.points.T) for line in lines]
+    nodes = shapely.multipoints(found.p.T)
+    meetings = [
+        point
+        for i, one in enumerate(lines)
+        for other in lines[:i]
+        for point in shapely.get_parts(one & other)
+        if point.geom_type == "Point"
+    ]
+    assert len(meetings) > 3
+    assert max(nodes.distance(point) for point in meetings) < 1e-4
+
+
+def test_a_fibre_without_edges_is_reported_with_its_place(monkeypatch, caplog):
+    monkeypatch.setattr(fitting._Fit, "cut", lambda *_: None)
+    mesh = rectangle(MeshTri, 8)
+    found = fit_to_fibres(mesh, fabric(52.0), HELD).mesh
+    x = found.p[:, found.facets[:, found.boundaries[SINGULAR]]]
+    edges = shapely.union_all(shapely.linestrings(x.transpose(2, 1, 0)))
+    fibres = singular_fibres(Outline.of_mesh(mesh), fabric(52.0), HELD).fibres
+    fibres = shapely.union_all([shapely.linestrings(f.points.T) for f in fibres])
+    messages = [m for m in caplog.messages if "have no edges, near" in m]
+    assert messages
+    for message in messages:
+        at = message.partition("near (")[2].partition(")")[0].split(",")
+        at = shapely.Point(*map(float, at))
+        assert fibres.distance(at) < 0.01
+        assert edges.distance(at) > 1e-4
+
+
+@pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
+def test_names_and_parents_are_kept(kind):
+    """Boundaries keep their length, and elements lie in their parents."""
+    mesh = rectangle(kind, 8)
+    found, parent = fit_to_fibres(mesh, fabric(52.0), HELD)
+    for name, edges in mesh.boundaries.items():
+        lengths = []
+        for m, e in ((mesh, edges), (found, found.boundaries[name])):
+            x = m.p[:, m.facets[:, e]]
+            lengths.append(np.hypot(*(x[:, 1] - x[:, 0])).sum())
+        assert lengths[0] == pytest.approx(lengths[1])
+    left = found.subdomains["left half"]
+    assert np.array_equal(
+        np.isin(parent, mesh.subdomains["left half"]).nonzero()[0], left
+    )
+    border = np.flatnonzero(mesh.p[0] == 25)
+    np.testing.assert_array_equal(found.p[:, border], mesh.p[:, border])
+    centre, old = (m.p[:, m.t].mean(axis=1) for m in (found, mesh))
+    assert np.hypot(*(centre - old[:, parent])).max() < 50 / 8
+
+
+@pytest.mark.parametrize("x", [12.5, 25.0])
+@pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
+def test_named_inner_boundaries_keep_their_nodes(kind, x):
+    """A line along the mesh, which may also be the border of a region."""
+    mesh = rectangle(kind, 8, shift=0.0)
+    inner = np.flatnonzero(np.abs(mesh.p[0, mesh.facets] - x).max(axis=0) < 1e-9)
+    mesh = mesh.with_boundaries({"seam": inner})
+    found = fit_to_fibres(mesh, fabric(52.0), HELD).mesh
+    nodes = np.unique(mesh.facets[:, inner])
+    assert nodes.size == 17
+    np.testing.assert_array_equal(found.p[:, nodes], mesh.p[:, nodes])
+    ends = found.p[:, found.facets[:, found.boundaries["seam"]]]
+    np.testing.assert_allclose(ends[0], x, atol=1e-9)
+    assert np.abs(ends[1, 1] - ends[1, 0]).sum() == pytest.approx(100.0)
+    assert ends.shape[2] > 16  # fibres cut it
+
+
+def test_no_slivers():
+    """Angles stay above 3 degrees, and no element is smaller than 1 % of its parent."""
+    mesh = rectangle(MeshTri, 16)
+    found, parent = fit_to_fibres(mesh, fabric(52.0), HELD)
+    assert (areas(found) / areas(mesh)[parent]).min() > 0.01
+    x = found.p[:, found.t]
+    longest = np.hypot(*(np.roll(x, 1, axis=1) - x)).max(axis=0)
+    assert (2 * areas(found) / longest**2).min() > np.sin(np.radians(3))
+
+
+def test_mesh_that_follows_the_fibres_is_unchanged():
+    """Squares along the fibres, or with them as diagonals of triangles, stay."""
+    along = Fabric(1e5, 0.5, (1, 0), (0, 1))
+    mesh = MeshQuad().refined(3).scaled(40.0).with_defaults()
+    found, parent = fit_to_fibres(mesh, along, {"s": Condition(lambda x: x[1] < 1e-9)})
+    assert isinstance(found, MeshQuad)
+    assert np.array_equal(found.p, mesh.p)
+    assert np.array_equal(parent, np.arange(64))
+
+
+def test_diagonals_become_edges():
+    """Squares with fibres along their diagonals are halved along these."""
+    mesh = MeshQuad.init_tensor(np.linspace(0, 50, 11), np.linspace(0, 100, 21))
+    found, parent = fit_to_fibres(mesh.with_defaults(), fabric(), HELD)
+    assert found.nelements == 400
+    assert np.allclose(found.p, mesh.p, atol=1e-9)
+    assert np.bincount(parent).max() == 2
+    assert len(found.boundaries[SINGULAR]) == 40
+
+
+@pytest.mark.dear("compares the loads of three plies")
+def test_load_on_a_fitted_mesh():
+    """The load is within 1.5 %, and without the fit it is not."""
+    held = {**HELD, "top": Condition("top", (0.0, 6.0))}
+    outline = Outline([[0, 50, 50, 0], [0, 0, 100, 100]])
+    net = mesh_outline(outline, fabric(50.0), held, density=1.0)
+    mesh = rectangle(MeshTri, 12)
+
+    def load(mesh):
+        result = LoadStepper(Ply(mesh, fabric(50.0), Macro()), held, 1).run()
+        return result.states[-1].reactions["top"][1]
+
+    exact = LoadStepper(Ply(net, fabric(50.0), Quadratic()), held, 1).run()
+    exact = exact.states[-1].reactions["top"][1]
+    assert load(fit_to_fibres(mesh, fabric(50.0), held).mesh) == pytest.approx(
+        exact, rel=0.015
+    )
+    assert load(mesh) != pytest.approx(exact, rel=0.015)
+
+
+@pytest.mark.parametrize(("seed", "angle"), [(1, 53.0), (4, 38.0), (2, 38.0)])
+def test_no_fibre_is_left_uncut(seed, angle, caplog):
+    """Edges cover the fibres and lie on them, and angles exceed 3 degrees."""
+    height = 50 * {53.0: 3.1, 38.0: 2.2}[angle]
+    size = (8, round(8 * height / 50))
+    mesh = irregular(50.0, height, size, "irregular", 0.25, seed)
+    found = fit_to_fibres(mesh, fabric(angle), HELD).mesh
+    lines = singular_fibres(Outline.of_mesh(mesh), fabric(angle), HELD).fibres
+    fibres = [shapely.linestrings(f.points.T) for f in lines]
+    x = found.p[:, found.facets[:, found.boundaries[SINGULAR]]]
+    edges = shapely.linestrings(x.transpose(2, 1, 0))
+    assert shapely.length(edges).sum() == pytest.approx(shapely.length(fibres).sum())
+    ends = shapely.points(x.reshape(2, -1).T)
+    off = np.min([shapely.distance(f, ends) for f in fibres], axis=0)
+    assert off.max() < 1e-9
+    assert np.sum(areas(found)) == pytest.approx(50 * height, rel=1e-12)
+    assert smallest_angles(found.p, oriented(found)).min() >= 3
+    assert caplog.text == ""
+
+
+def test_nodes_that_would_move_to_fibres_stay_if_they_are_named():
+    """Two of one name, since a single one would be a point with fibres."""
+    mesh = rectangle(MeshTri, 8)
+    free = fit_to_fibres(mesh, fabric(52.0), HELD).mesh.p[:, : mesh.p.shape[1]]
+    nodes = np.flatnonzero((free != mesh.p).any(axis=0))[:2]
+    named = with_named_nodes(mesh, {"stitches": nodes})
+    found = fit_to_fibres(named, fabric(52.0), HELD).mesh
+    np.testing.assert_array_equal(found.p[:, nodes], mesh.p[:, nodes])
+
+
+def test_a_fibre_beside_a_named_node_is_reported(caplog):
+    """Named nodes stay, and the small angle between one and a fibre is said."""
+    mesh = rectangle(MeshTri, 8)
+    fibre = shapely.LineString([(0, 0), (50, 50)])
+    gap = shapely.distance(fibre, shapely.points(mesh.p.T))
+    gap[(mesh.p[0] < 1) | (mesh.p[0] > 49) | (gap == 0)] = np.inf
+    near = int(gap.argmin())
+    p = mesh.p.copy()
+    along = fibre.interpolate(fibre.project(shapely.Point(p[:, near])))
+    p[:, near] = along.x + 0.02, along.y - 0.02
+    mesh = with_named_nodes(MeshTri(p, mesh.t), {"stitch": np.array([near])})
+    found = fit_to_fibres(mesh.with_defaults(), fabric(), HELD).mesh
+    assert np.array_equal(found.p[:, near], p[:, near])
+    assert np.sum(areas(found)) == pytest.approx(5000)
+    assert "the smallest angle of the fitted mesh" in caplog.text
