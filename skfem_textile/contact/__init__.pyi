@@ -1,6 +1,6 @@
 """Public names, which the package imports on first use."""
 
-from .touching import (
+from .gaps import (
     SmallestGap as SmallestGap,
     contacts as contacts,
     nodes_in_contact as nodes_in_contact,

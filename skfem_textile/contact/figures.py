@@ -10,15 +10,7 @@ from ..ply import Ply
 from ..solve.quantities import Quantity
 from ..solve.result import Result
 from ..solve.states import State
-from .risks import (
-    COARSE,
-    most_compressed,
-    share_of_area,
-    wrinkle_risk,
-)
-from .shape import areal_weight, draw_in, fibre_curvature
-from .tool import ToolContact
-from .touching import (
+from .gaps import (
     Pressing,
     SmallestGap,
     contacts,
@@ -31,6 +23,14 @@ from .touching import (
     touching,
     turn_on_tool,
 )
+from .risks import (
+    COARSE,
+    most_compressed,
+    share_of_area,
+    wrinkle_risk,
+)
+from .shape import areal_weight, draw_in, fibre_curvature
+from .tool import ToolContact
 
 # Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
 _RAYS = (0, 45, 90)

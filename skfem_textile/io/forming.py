@@ -14,8 +14,8 @@ from ..contact import (
     pressing,
     tool_pressure,
 )
+from ..contact.gaps import flat_thickness
 from ..contact.risks import wrinkle_risk
-from ..contact.touching import flat_thickness
 from ..nets.fibres_in_space import Axes
 from ..ply import Ply
 from ..solve.result import Result
