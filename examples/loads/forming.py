@@ -16,16 +16,7 @@ from tempfile import mkdtemp
 import meshio
 import numpy as np
 
-from skfem_textile import (
-    Fabric,
-    Tabulated,
-    io,
-    plot,
-    scenes,
-)
-from skfem_textile import (
-    contact as forming,
-)
+from skfem_textile import Fabric, Tabulated, contact, io, plot, scenes
 from skfem_textile.cli.main import main
 
 # %%
@@ -141,7 +132,7 @@ draw(plot.section, "section.png")
 # in the plane of the flange.
 
 draw(plot.tool_force, "tool_force.png")
-punch, die, holder = forming.tool_forces(result).values()
+punch, die, holder = contact.tool_forces(result).values()
 assert np.abs(punch + die + holder).max() < 1e-3
 print("punch.stl and die.stl written to", folder)
 

@@ -20,12 +20,10 @@ from skfem_textile import (
     Result,
     ToleranceStepper,
     Tool,
+    contact,
     drape,
     equilibrium_near,
     scenes,
-)
-from skfem_textile import (
-    contact as forming,
 )
 from skfem_textile.mesh.bases import GAUSS, quad_basis
 from skfem_textile.mesh.selection import with_named_nodes
@@ -136,9 +134,9 @@ def test_scenes_and_tools_refuse_states_of_others():
         refused(partial(call, state), r"no condition 'right': .* of the scene st")
     tool = Tool(drape.Plane((0, 0, -1)), side=1, name="die")
     ply = Ply(MESH, Fabric(1e4, 0.5), terms=[tool], dimension=3)
-    (contact,) = forming.contacts(ply)
-    for function in (forming.tool_force, forming.tool_pressure, forming.touching):
-        call = partial(function, ply, contact, state)
+    (die,) = contact.contacts(ply)
+    for function in (contact.tool_force, contact.tool_pressure, contact.touching):
+        call = partial(function, ply, die, state)
         refused(call, "of another ply than the tool 'die'")
 
 
