@@ -1,9 +1,9 @@
 """Prints how many files and functions of the package a load step, or an option, takes.
 
-    python -m tests.helpers.ways step|option [-v]
+    python -m tests.helpers.ways strip|hemisphere|option [-v]
 
-``step``: functions that are entered while `LoadStepper.run` runs the only step of a
-strip of macro-elements, including set-up, diagnosis and result of the run.
+``strip``, ``hemisphere``: functions that are entered in the second of two steps of a
+strip of macro-elements, and of a hemisphere formed between a punch and a die.
 
 ``option``: functions of which an argument has the locking angle of a shear law, as the
 word that was typed, in a table of the case, or in radians, from the command line until
@@ -19,11 +19,13 @@ import io
 import sys
 import tempfile
 from pathlib import Path
+from unittest import mock
 
 import skfem_textile
-from skfem_textile import Fabric, LoadStepper, Macro, Ply
+from skfem_textile import Fabric, Macro
 from skfem_textile.cli import main as cli
-from skfem_textile.scenes import strip
+from skfem_textile.scenes import Case, hemisphere_forming, strip
+from skfem_textile.solve.stepper import Run
 
 PACKAGE = Path(skfem_textile.__file__).parent
 
@@ -54,11 +56,17 @@ def entered(act, counts=lambda frame: True, last=""):
     return list(found)
 
 
-def of_a_step():
-    """Functions of a load step."""
-    scene = strip()
-    ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft), Macro())
-    return sorted(entered(LoadStepper(ply, scene.conditions, 1).run))
+def of_second_step(scene):
+    """Functions of the second of two load steps."""
+    found, step = [], Run._step
+
+    def entering(run, t_end):
+        found.append(sorted(entered(lambda: step(run, t_end))))
+
+    case = Case(scene=scene, fabric=Fabric(1e4, 0.5), formulation=Macro(), steps=2)
+    with mock.patch.object(Run, "_step", entering):
+        case.run()
+    return found[1]
 
 
 def of_an_option():
@@ -85,7 +93,12 @@ def _has_angle(frame):
 
 
 if __name__ == "__main__":
-    functions = {"step": of_a_step, "option": of_an_option}[sys.argv[1]]()
+    ways = {
+        "strip": lambda: of_second_step(strip()),
+        "hemisphere": lambda: of_second_step(hemisphere_forming(size=(8, 8))),
+        "option": of_an_option,
+    }
+    functions = ways[sys.argv[1]]()
     if "-v" in sys.argv[2:]:
         for file, name in functions:
             print(file, name)
