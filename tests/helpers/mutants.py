@@ -19,6 +19,8 @@ import tempfile
 from argparse import ArgumentParser
 from collections import defaultdict
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -114,8 +116,9 @@ def _is_python(source: bytes) -> bool:
 
 
 def _folder(mutant: Mutant) -> str:
-    parts = Path(mutant.file).parts
-    return parts[1] if len(parts) > 2 else "common"
+    """Name of the folder of its tests."""
+    name = Path(mutant.file).parts[1].removesuffix(".py")
+    return name if (ROOT / "tests" / name).is_dir() else "common"
 
 
 def survives(mutant: Mutant, lane: bool) -> bool:
@@ -125,9 +128,7 @@ def survives(mutant: Mutant, lane: bool) -> bool:
         keep = shutil.ignore_patterns(".*", "_build", "gallery", "models", "generated")
         shutil.copytree(ROOT, root, ignore=keep)
         (root / mutant.file).write_bytes(mutant.changed())
-        where = root / "tests"
-        if not lane and (where / _folder(mutant)).is_dir():
-            where /= _folder(mutant)
+        where = root / "tests" / ("" if lane else _folder(mutant))
         stem = Path(mutant.file).stem
         files = sorted(
             where.rglob("test_*.py"),
@@ -143,6 +144,15 @@ def survives(mutant: Mutant, lane: bool) -> bool:
     return run.returncode == 0
 
 
+def verdict(mutant: Mutant, lane: bool) -> str:
+    """Which tests find a change."""
+    if not survives(mutant, False):
+        return "found"
+    if not lane:
+        return "survived"
+    return "survived all" if survives(mutant, True) else "found by lane"
+
+
 def main() -> None:
     """Draw changes, run the tests of each, and write a row for each."""
     parser = ArgumentParser(description=__doc__.split("\n")[0])
@@ -150,22 +160,22 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=120)
     parser.add_argument("--out", type=Path, default=Path("mutants.csv"))
     parser.add_argument("--lane", action="store_true")
+    parser.add_argument("--workers", type=int, default=1, help="mutants at a time")
     given = parser.parse_args()
     known = {}
     if given.out.exists():
         with given.out.open(newline="", encoding="utf-8") as stored:
             known = {tuple(row[:6]): row for row in csv.reader(stored)}
-    for mutant in drawn(given.seed, given.count):
-        key = tuple(map(str, mutant))
-        row = known.get(key)
-        if row is None or (given.lane and row[6:] == ["survived"]):
-            verdict = "survived" if survives(mutant, False) else "found"
-            if given.lane and verdict == "survived":
-                verdict = "survived all" if survives(mutant, True) else "found by lane"
-            known[key] = [*key, verdict]
+    again = [("survived",)] if given.lane else []
+    keys = {tuple(map(str, x)): x for x in drawn(given.seed, given.count)}
+    left = [x for x in keys if x not in known or tuple(known[x][6:]) in again]
+    with ThreadPoolExecutor(given.workers) as pool:
+        run = partial(verdict, lane=given.lane)
+        for key, found in zip(left, pool.map(run, map(keys.get, left)), strict=True):
+            known[key] = [*key, found]
             with given.out.open("w", newline="", encoding="utf-8") as stored:
                 csv.writer(stored).writerows(known.values())
-        print(*known[key])
+            print(*known[key], flush=True)
     verdicts = [row[6] for row in known.values()]
     print({name: verdicts.count(name) for name in sorted(set(verdicts))})
 
