@@ -1,6 +1,7 @@
 """Figures of formed plies, against exact answers."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from skfem_textile.contact import (
     contacts,
     draw_in,
     fibre_curvature,
+    figures,
     formed,
     smallest_gap,
     tool_forces,
@@ -344,3 +346,15 @@ def test_a_run_that_stops_describes_the_ply_at_its_travel(stopped):
     (punch, *_) = contacts(stopped.result.ply)
     state = stopped.result.states[-1]
     assert np.abs(punch.gaps(state.u, state.load_factor).min()) < 1e-6
+
+
+@pytest.mark.parametrize(("bending", "curvature"), [((1, 0), 1 / R), ((0, 1), 0.0)])
+def test_only_fibres_with_bending_stiffness_have_a_largest_curvature(
+    bending, curvature
+):
+    """The warp follows a cylinder, the weft is straight."""
+    ply = square()
+    ply = Ply(ply.mesh, Fabric(10.0, 0.5, bending=bending), Full(), dimension=3)
+    state = SimpleNamespace(u=bent(ply))
+    (largest,) = figures._curvature(ply, state, []).values()
+    assert largest == pytest.approx(curvature, rel=0.02, abs=1e-12)
