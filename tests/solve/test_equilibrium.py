@@ -183,7 +183,7 @@ def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
     weight = 1e4 * 2.0**-53 * E / size
     assert run(weight).linear_solves <= 2
     with pytest.raises(StepError, match="due to round-off"):
-        run(1e-4 * weight, method=Newton(most=2))
+        run(1e-4 * weight, method=Newton(most=1))
 
 
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
 )
 def test_a_weight_near_round_off_is_no_obstacle_to_a_motion(n, weight):
     terms = [BodyForce((0.0, 0.0, -weight), factor=1.0)]
-    mesh = rectangle(100.0, 100.0, (n, n))
+    mesh = rectangle(100.0, 100.0, (n, n // 2))
     fabric = Fabric(1e6, 0.3, bending=(5.0, 5.0))
     ply = Ply(mesh, fabric, terms=terms, dimension=3)
     ends = {"clamp": Condition("left"), "pull": Condition("right", (5.0, 0.0, 0.0))}
