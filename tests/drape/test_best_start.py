@@ -34,7 +34,7 @@ def _few_local_nets():
 
 @pytest.fixture(scope="module")
 def best():
-    return drape.best_start(TOOL, CELL, trials=32)
+    return drape.best_start(TOOL, CELL, trials=64)
 
 
 def test_the_best_start_is_better_than_random_ones_and_reproduces_its_net(best):
