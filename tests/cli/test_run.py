@@ -86,7 +86,7 @@ def test_an_interruption_before_any_state_is_reported(tmp_path, capsys, monkeypa
 
 @pytest.fixture(scope="module")
 def checkpointed(tmp_path_factory):
-    """Folder of a run, and that of its checkpoint."""
+    """Folders of a run and of its checkpoint."""
     folder = tmp_path_factory.mktemp("checkpointed")
     with contextlib.redirect_stdout(io.StringIO()):
         assert run(folder, *QUICK, "--checkpoint", str(folder / "c")) == 0
