@@ -32,7 +32,7 @@ TOE = CrimpToe(4e3, 0.004, 20.0)
 
 
 def biaxial_file(path, law, ratio):
-    e = np.linspace(0.0, 0.02, 9)[1:]
+    e = np.linspace(0.0, 0.02, 7)[1:]
     strain = np.array([e, ratio * e])
     force = 100 * np.asarray(law.value(np.log1p(strain))) / (1 + strain)
     force = [noisy(one, 0, 0.005) for one in force]
