@@ -233,7 +233,7 @@ def test_the_inverse_fit_accounts_for_fibre_stretch():
 
 def test_a_large_stabilisation_energy_is_reported():
     coarse, fine = (
-        fit_shear([specimen(NARROW, Linear(0.5), n=10, end=end)], "linear", settings)
+        fit_shear([specimen(NARROW, Linear(0.5), n=6, end=end)], "linear", settings)
         for end, settings in (
             (45.0, Simulation(across=2, steps=1)),
             (25.0, Simulation(across=6, steps=1)),

@@ -19,11 +19,11 @@ from skfem_textile.calibration.selection import Candidate, best_of, cross_valida
 from tests.helpers import fits
 from tests.helpers.fits import FRAME, fit_shear, fit_tension, of_shear
 
-MOVED = np.linspace(0.0, 6.0, 40)
+MOVED = np.linspace(0.0, 6.0, 30)
 
 
 def specimen(law, seed=0, noise=0.01, scale=1.0):
-    gamma = np.radians(np.linspace(1.0, 50.0, 60))
+    gamma = np.radians(np.linspace(1.0, 50.0, 50))
     return fits.specimen(FRAME, law, gamma, noise, seed, scale)
 
 

@@ -398,9 +398,9 @@ CASES = [
     ('["free", 12]', "[12]", "scene.move_mm"),
     ("top = ", "lid = ", "the mesh has no boundary 'lid'"),
     ("[0.5, 0]", "[inf, 0]", "loads.force_N.right must be a finite number"),
-    ("size = [3, 7]", "source = 'x.msh'", "is neither an existing file nor one of"),
-    ("size = [3, 7]", "size = [3]", "must be an array of length 2, got 1"),
-    ("size = [3, 7]", "size = 1979-05-27", "must be an array, got a date"),
+    ("size = [2, 3]", "source = 'x.msh'", "is neither an existing file nor one of"),
+    ("size = [2, 3]", "size = [3]", "must be an array of length 2, got 1"),
+    ("size = [2, 3]", "size = 1979-05-27", "must be an array, got a date"),
     ('"superlu"', '"supreme"', "expected one of auto, rslab"),
     (
         "[loads.force_N]",

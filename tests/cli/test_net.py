@@ -36,14 +36,14 @@ def laid(out, tool, words, code=0):
 def net(tmp_path_factory, tool):
     """Folder and summary of a net on the cap, from its pole."""
     out = tmp_path_factory.mktemp("net")
-    return out, laid(out, tool, "--point 0 0 0 --cell 4")
+    return out, laid(out, tool, "--point 0 0 0 --cell 5")
 
 
 def test_shear_on_a_cap_agrees_with_the_exact_sphere(net):
     cells = meshio.read(net[0] / "net.vtu")
     centres = cells.points[cells.cells[0].data].mean(axis=1)
     sphere = drape.Sphere(100.0, (0.0, 0.0, -100.0))
-    exact = drape.net(sphere, 4.0, (15, 15), (15, 15))
+    exact = drape.net(sphere, 5.0, (12, 12), (12, 12))
     corners = exact.positions[:, :-1, :-1], exact.positions[:, 1:, 1:]
     places = (0.5 * (corners[0] + corners[1])).reshape(3, -1).T
     away, nearest = KDTree(places).query(centres)
@@ -96,7 +96,7 @@ def test_fibres_turn_with_the_angle(tmp_path, tool):
 
 def test_a_hole_is_cut_out_of_the_pattern_and_of_the_part(tmp_path):
     ring = write(tmp_path / "ring.stl", *tool_shapes.ring(inner=40.0, outer=100.0))
-    summary = laid(tmp_path / "out", ring, "--cell 12 --point 70 0 0")
+    summary = laid(tmp_path / "out", ring, "--cell 16 --point 70 0 0")
     area = np.pi * (100.0**2 - 40.0**2)
     for what in ("pattern_area_mm2", "area_of_part_mm2", "area_of_tool_mm2"):
         assert summary[what] == pytest.approx(area, rel=5e-3)
@@ -180,7 +180,7 @@ def test_courses_that_do_not_cover_the_tool_are_told(tmp_path):
 
     shape = tool_shapes.patch(sector, 480.0, 80.0, 16.0)
     tool = write(tmp_path / "sector.stl", *shape)
-    words = "--point 100 0 0 --cell 8 --fibres 90 --roll-width 40"
+    words = "--point 100 0 0 --cell 10 --fibres 90 --roll-width 40"
     summary = laid(tmp_path / "out", tool, words, code=1)
     bare = summary["area_not_covered_mm2"] / summary["area_of_tool_mm2"]
     assert bare > 0.1

@@ -25,7 +25,7 @@ name = "lower_punch"
 surface = "sphere"
 radius_mm = 60
 centre_mm = [0, 0, -60.2]
-motion_mm = [0, 0, 8]
+motion_mm = [0, 0, 1]
 [[tools]]
 surface = "plane"
 point_mm = [0, 0, 9]
@@ -44,8 +44,8 @@ def words(scene, folder):
         return ["run", str(file), "--set", *mesh, *quick[4:]]
     more = {
         "drape": ("--tool", str(write(folder / "bump.stl", *plate()))),
-        "hemisphere_forming": ("--travel", "10"),
-        "double_dome_forming": ("--travel", "5"),
+        "hemisphere_forming": ("--travel", "1"),
+        "double_dome_forming": ("--travel", "1"),
     }
     smaller = ("--width", "100", "--height", "100") if scene == "drape" else ()
     return ["run", scene, *quick, *more.get(scene, ()), *smaller]

@@ -1,5 +1,6 @@
 """Files and messages of a run, runs to a tolerance, and resumed runs."""
 
+import contextlib
 import csv
 import io
 import json
@@ -10,12 +11,12 @@ from time import sleep
 import numpy as np
 import pytest
 
-from skfem_textile import Ply, Result
+from skfem_textile import Result
 from skfem_textile.cli import results
 from skfem_textile.cli.main import main
 from skfem_textile.mesh import progress
 from skfem_textile.solve.stepper import Run
-from tests.helpers.command_line import QUICK, rejected, run, summary_in
+from tests.helpers.command_line import QUICK, rejected, run, stop_early, summary_in
 
 # Output of a run, interruption and resumption
 
@@ -83,10 +84,20 @@ def test_an_interruption_before_any_state_is_reported(tmp_path, capsys, monkeypa
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_interrupted_run_is_saved_and_resumed(tmp_path, capsys, monkeypatch):
-    assert run(tmp_path, *QUICK) == 0
+@pytest.fixture(scope="module")
+def checkpointed(tmp_path_factory):
+    """Folders of a run and of its checkpoint."""
+    folder = tmp_path_factory.mktemp("checkpointed")
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert run(folder, *QUICK, "--checkpoint", str(folder / "c")) == 0
+    return folder / "out", folder / "c"
+
+
+def test_an_interrupted_run_is_saved_and_resumed(
+    tmp_path, checkpointed, capsys, monkeypatch
+):
     out = tmp_path / "out"
-    whole = (out / "history.csv").read_text()
+    whole = (checkpointed[0] / "history.csv").read_text()
     with monkeypatch.context() as patch:
         interrupt_at(patch, 2)
         assert run(tmp_path, *QUICK, "--checkpoint") == 130
@@ -110,13 +121,13 @@ def test_an_interrupted_run_is_saved_and_resumed(tmp_path, capsys, monkeypatch):
     assert (out / "history.csv").read_text() == whole
 
 
-def test_a_checkpoint_in_any_folder_is_rejected_by_another_run(tmp_path, capsys):
-    folder = str(tmp_path / "c")
-    assert run(tmp_path, *QUICK, "--checkpoint", folder) == 0
-    assert not (tmp_path / "out" / "checkpoint").exists()
-    again = ("--resume", folder, "--fibre-stiffness", "2e4")
+def test_a_checkpoint_in_any_folder_is_rejected_by_another_run(
+    tmp_path, checkpointed, capsys
+):
+    out, folder = checkpointed
+    assert not (out / "checkpoint").exists()
+    again = ("--resume", str(folder), "--fibre-stiffness", "2e4")
     command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *again)
-    capsys.readouterr()
     assert "belongs to another run: warp law was Linear" in rejected(capsys, *command)
     assert not (tmp_path / "new").exists()
 
@@ -151,10 +162,7 @@ def test_steps_and_iterations_are_logged_on_request(tmp_path, capsys):
 
 
 def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypatch):
-    def area_ratio(ply, u):
-        return 10 - abs(u).max() * np.ones(ply.mesh.nelements)
-
-    monkeypatch.setattr(Ply, "least_area_ratio", area_ratio)
+    stop_early(monkeypatch)
     assert run(tmp_path, *QUICK) == 1
     summary = summary_in(tmp_path / "out")
     assert summary["converged"] is False
@@ -234,17 +242,17 @@ def run_to_tolerance(out, scene, *options):
 
 def test_a_run_to_a_tolerance_reports_that_it_is_met(tmp_path, capsys):
     """A mesh of another kind has more and more elements along each side."""
-    code, summary = run_to_tolerance(tmp_path, *BIAS, "--tolerance 0.15")
+    code, summary = run_to_tolerance(tmp_path, *BIAS, "--tolerance 0.2")
     assert code == 0
     assert summary["tolerance_met"] is True
-    assert summary["load_half_width"] < 0.15
+    assert summary["load_half_width"] < 0.2
     assert len(summary["rounds"]) > 1
     assert summary["rounds"][-1]["unknowns"] == summary["n_dofs"]
     assert summary["rounds"][-1]["half_width"] == summary["load_half_width"]
-    assert summary["inputs"]["stepping"]["tolerance"] == 0.15
+    assert summary["inputs"]["stepping"]["tolerance"] == 0.2
     assert summary["inputs"]["mesh"]["size"] == [2, 4]
     printed = capsys.readouterr().out
-    met = f"15 % of the load: met on mesh {len(summary['rounds'])}"
+    met = f"20 % of the load: met on mesh {len(summary['rounds'])}"
     assert met in printed
 
 
@@ -256,7 +264,7 @@ HOLE = Path(__file__).parents[2] / "examples" / "meshes" / "hole.msh"
     [
         (
             "bias_extension",
-            "--mesh graded --set mesh.density=0.25 --tolerance 0.004",
+            "--mesh graded --set mesh.density=0.25 --tolerance 0.008",
             "graded",
         ),
         (
@@ -285,11 +293,11 @@ def test_graded_meshes_are_made_denser(tmp_path, scene, options, source):
 
 
 def test_a_tolerance_that_is_not_met_gives_exit_code_1_and_the_result(tmp_path, capsys):
-    most = "--tolerance 0.0001 --set stepping.most_unknowns=400"
+    most = "--tolerance 0.0001 --set stepping.most_unknowns=150"
     code, summary = run_to_tolerance(tmp_path, *BIAS, most)
     assert code == 1
     *_, line = capsys.readouterr().err.splitlines()
-    assert "the tolerance is not met with at most 400 unknowns" in line
+    assert "the tolerance is not met with at most 150 unknowns" in line
     assert summary["tolerance_met"] is False
     assert summary["converged"] is True
-    assert summary["n_dofs"] <= 400
+    assert summary["n_dofs"] <= 150

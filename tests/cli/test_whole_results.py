@@ -58,7 +58,7 @@ def test_a_full_disk_is_reported_with_the_remaining_files(
     tmp_path, capsys, monkeypatch, options, message
 ):
     out = tmp_path / "out"
-    command = ["run", "strip", *QUICK, "--out", str(out)]
+    command = ["run", "strip", *QUICK, "--steps", "1", "--out", str(out)]
     assert cli.main(command) == 0
     before = (out / "summary.json").read_text()
     capsys.readouterr()

@@ -69,7 +69,9 @@ STEPPERS = {
     "trellis": lambda: in_scene(
         scenes.trellis(size=(2, 2), edges={"top": 0.3, "left": "free"})
     ),
-    "cantilever": lambda: in_scene(scenes.cantilever(size=(2, 1)), bending=(5.0, 5.0)),
+    "cantilever": lambda: in_scene(
+        scenes.cantilever(size=(2, 1)), bending=(50.0, 50.0)
+    ),
     "tensioned": lambda: in_scene(
         scenes.hemisphere(size=(2, 2), part="whole", tension=0.2)
     ),
@@ -115,7 +117,17 @@ def assert_same(result, other, one=None):
     np.testing.assert_allclose(*fields, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", STEPPERS)
+#: Made of the kinds of objects of the others.
+SIMILAR = {"double dome", "forming", "turned strip"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name in SIMILAR))
+        for name in STEPPERS
+    ],
+)
 def test_results_and_steppers_are_copied(name):
     stepper = STEPPERS[name]()
     result = stepper.run()
@@ -143,7 +155,16 @@ def work(ply, u):
     return float(u @ u)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize(
+    "solver",
+    [
+        pytest.param(
+            solver,
+            marks=[pytest.mark.dear("loads its library")] * (solver == "pardiso"),
+        )
+        for solver in SOLVERS
+    ],
+)
 def test_steppers_are_copied_with_any_linear_solver(solver):
     pytest.importorskip(SOLVERS[solver].package)
     stepper = LoadStepper(Ply(MESH, STEEP), HELD, 1, solver=solver)

@@ -117,4 +117,4 @@ FAMILY = Family(
 
 
 def test_forces_are_pressure_times_area():
-    FAMILY.check(12)
+    FAMILY.check(6)

@@ -268,7 +268,7 @@ def test_bad_files_and_numbers_are_refused_before_the_run(
     files, tmp_path, capsys, words, message
 ):
     punch, die = files
-    ply = "--width", 100, "--height", 100, "--size", "6x6", "--part", "quarter"
+    ply = "--width", 100, "--height", 100, "--size", "3x3", "--part", "quarter"
     tools = "--punch", punch, "--die", die, "--holder-gap", 1, "--travel", 15
     options = [str(word) for word in (*ply, *tools)]
     for flag in {word.partition("=")[0] for word in words} & {*options}:

@@ -145,9 +145,10 @@ def test_tools_move_in_a_box_that_stays(hemisphere):
 
 
 def test_an_animation_has_a_frame_per_state(hemisphere, tmp_path):
-    plot.animation(hemisphere, tmp_path / "a.gif", size=60)
+    result = replace(hemisphere, states=hemisphere.states[::3])
+    plot.animation(result, tmp_path / "a.gif", size=60)
     with Image.open(tmp_path / "a.gif") as image:
-        assert image.n_frames == len(hemisphere.states)
+        assert image.n_frames == len(result.states)
     titles = [stage_of(hemisphere, state) for state in hemisphere.states]
     assert titles[0] == "Load factor 0.00, punch 0.0 mm"
     assert titles[-1] == "Load factor 1.00, punch 15.0 mm"
@@ -161,7 +162,7 @@ def lines_of(axes):
 def test_a_section_cuts_the_ply_on_the_plane(hemisphere, tmp_path):
     """From the top of the punch to the edge of the ply, on the punch and the plate."""
     angle = np.pi / 4
-    file = tmp_path / "section.pdf"
+    file = tmp_path / "section.png"
     (axes,) = plot.section(hemisphere, file, angle=angle, states=[-1]).axes
     assert file.stat().st_size > 1000
     ends = lines_of(axes)

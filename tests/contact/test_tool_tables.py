@@ -39,7 +39,9 @@ def tables(*tools, scene=SCENE, **others):
 
 
 def test_tools_of_a_case_move_with_the_load_factor():
-    case = case_from_tables(tables(PUNCH, DIE, HOLDER, stepping={"steps": 2}))
+    case = case_from_tables(
+        tables(PUNCH, DIE, HOLDER, mesh={"size": [2, 2]}, stepping={"steps": 2})
+    )
     punch, die, holder = case.scene.tools
     assert punch.motion(0.5).tolist() == [0, 0, 2]
     assert punch.motion(0.75).tolist() == [0, 0, 4]
@@ -148,7 +150,7 @@ def test_tools_apply_to_any_scene_in_space():
     plate = {"surface": "plane", "point_mm": [0, 0, -20.0], "name": "table"}
     scene = {"name": "cantilever"}
     case = case_from_tables(
-        {"scene": scene, "mesh": {"size": [5, 1]}, "tools": [plate]}
+        {"scene": scene, "mesh": {"size": [3, 1]}, "tools": [plate]}
     )
     result = case.run()
     figures = case.summary(result)

@@ -111,7 +111,7 @@ def test_force_is_the_derivative_of_the_energy():
     def motion(t):
         return 0.0, 0.0, TRAVEL - 0.01 if t == 0.5 else TRAVEL * t
 
-    result = formed(2, motion)
+    result = formed(2, motion, cells=2)
     before, after = result.states[-2:]
     energies = [
         sum(x.energies.values())
@@ -124,7 +124,7 @@ def test_force_is_the_derivative_of_the_energy():
 
 def test_tools_turn_with_the_problem():
     """Fibres at 45° and at 135° to a quarter are the same ply."""
-    small = {"cells": 2, "motion": (0, 0, 5.0)}
+    small = {"cells": 2, "motion": (0, 0, 5.0), "formulation": OnePoint()}
     one, other = (formed(fibres=np.radians(a), **small) for a in (45, 135))
     shear = [np.abs(x.ply.shear_angle(x.u)).max() for x in (one, other)]
     assert shear[0] == pytest.approx(shear[1], rel=1e-5)
@@ -140,8 +140,8 @@ def test_formulations_agree():
 
 
 def test_triangles_form_like_the_surface(state):
-    """A punch of triangles of 3 mm, open at its rim."""
-    n = 30
+    """A punch of triangles of 4.5 mm, open at its rim."""
+    n = 20
     s = np.linspace(-45.0, 45.0, n + 1)
     x, y = (a.ravel() for a in np.meshgrid(s, s))
     z = np.sqrt(np.maximum(RADIUS**2 - x**2 - y**2, 0)) - RADIUS - GAP / 2
@@ -160,11 +160,11 @@ def test_triangles_form_like_the_surface(state):
     assert np.abs(angles[0] - angles[1]).max() < 0.1
 
 
-@pytest.mark.parametrize("tension", [0.2, 20.0])
+@pytest.mark.parametrize("tension", [pytest.param(0.2, marks=pytest.mark.slow), 20.0])
 def test_a_step_in_which_nothing_touches_has_no_warning_of_the_energy(tension):
     """Rounding of stretches changes the energy by tension times length."""
     approach = punch(lambda t: (0, 0, 6 * t - 5.2), side=1)
-    ply = blank(3, 0.5, [approach, ring(GAP / 2)], tension=tension)
+    ply = blank(2, 0.5, [approach, ring(GAP / 2)], tension=tension)
     checks = set(DEFAULT_WARN_ONLY) - {"work"}
     options = {"steps": 3, "warn_only": checks, "max_halvings": 0}
     result = LoadStepper(ply, SYMMETRY, **options).run()
@@ -173,7 +173,8 @@ def test_a_step_in_which_nothing_touches_has_no_warning_of_the_energy(tension):
 
 
 def test_thickness_keeps_the_nodes_away():
-    ply = blank(terms=[punch(thickness=1.0), ring(1.0, thickness=1.0)])
+    terms = punch(thickness=1.0), ring(1.0, thickness=1.0)
+    ply = blank(2, terms=terms, formulation=OnePoint())
     last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
     x = ply.positions(last.u)
     centre = np.array([[0.0], [0.0], [TRAVEL - RADIUS - GAP / 2]])
@@ -274,7 +275,7 @@ def test_a_tool_that_touches_nothing_restrains_nothing():
     pulled = SYMMETRY | {"pull": Condition("right", (1.0, None, None))}
     ply = blank(2, terms=[punch((0, 0, -10.0))], tension=0.0)
     with pytest.raises(StepError, match="a mechanism is present; try supports, or a"):
-        LoadStepper(ply, pulled, steps=1).run()
+        LoadStepper(ply, pulled, steps=1, max_halvings=0).run()
 
 
 def test_travel_is_from_the_initial_position():
@@ -298,7 +299,7 @@ def test_holder_keeps_its_gap():
     """Beyond the punch the ply lifts from the plane by up to the gap."""
     outline = [[45.0, 70.0, 70.0, 45.0], [-5.0, -5.0, 70.0, 70.0]]
     holder = Holder(drape.Plane(), gap=5.0, side=1, outline=outline)
-    ply = blank(4, terms=[punch((0, 0, 25.0)), holder])
+    ply = blank(3, terms=[punch((0, 0, 25.0)), holder])
     last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
     x = ply.nodes + ply.nodal(last.u)[:2]
     height = ply.nodal(last.u)[2, (x[0] > 46) & (x[0] < 69)]
@@ -369,7 +370,7 @@ def test_the_gradient_of_a_gap_depends_on_the_distance():
     assert np.abs(off).max() < 0.1 * np.abs(turned).max()
 
 
-def test_resumed_run_is_the_same(tmp_path, in_steps):
+def test_resumed_run_is_the_same(tmp_path):
     """A run that is killed after its first step and resumed, bit for bit."""
 
     class KilledError(Exception):
@@ -379,12 +380,15 @@ def test_resumed_run_is_the_same(tmp_path, in_steps):
         raise KilledError
 
     def stepper(**options):
-        ply = blank(terms=[punch(), ring(GAP / 2)])
-        return LoadStepper(ply, SYMMETRY, steps=2, checkpoint=tmp_path, **options)
+        ply = blank(
+            2, terms=[punch((0, 0, 5.0)), ring(GAP / 2)], formulation=OnePoint()
+        )
+        return LoadStepper(ply, SYMMETRY, steps=2, **options)
 
     with pytest.raises(StepError):
-        stepper(on_step=kill).run()
-    resumed, whole = stepper().run(resume=True).states[-1], in_steps.states[-1]
+        stepper(on_step=kill, checkpoint=tmp_path).run()
+    resumed = stepper(checkpoint=tmp_path).run(resume=True).states[-1]
+    whole = stepper().run().states[-1]
     assert np.array_equal(resumed.u, whole.u)
     assert np.array_equal(resumed.reactions["punch"], whole.reactions["punch"])
     for name, values in whole.parameters.items():
@@ -423,7 +427,7 @@ def test_a_ply_that_reaches_where_a_surface_is_not_finite_is_refused():
     for part in ("level", "hessian"):
         weight = BodyForce((0, 0, -1e-5), factor=1.0)
         tool = Tool(undefined_beyond(61.0, part, z=0.0), side=1, name="table")
-        ply = blank(cells=2, terms=[weight, tool])
+        ply = blank(cells=2, terms=[weight, tool], formulation=OnePoint())
         with pytest.raises(StepError, match=f"'table': .*{part}.* is not finite at"):
             LoadStepper(ply, conditions, steps=1, max_halvings=0).run()
     outline = [[-1.0, 27.0, 27.0, -1.0], [-1.0, -1.0, 61.0, 61.0]]

@@ -1,8 +1,12 @@
 """Runs of the command line, for tests."""
 
 import json
+from functools import partialmethod
 from pathlib import Path
 
+import numpy as np
+
+from skfem_textile import LoadStepper, Ply
 from skfem_textile.cli import main as cli
 
 MESH = Path(__file__).parents[2] / "examples" / "meshes" / "strip.msh"
@@ -19,6 +23,17 @@ QUICK = [*DRAWN, "--no-render"]
 
 def run(tmp_path, *arguments):
     return cli.main(["run", "strip", "--out", str(tmp_path / "out"), *arguments])
+
+
+def stop_early(monkeypatch):
+    """Reject every displacement of more than 10 mm, with few shorter increments."""
+
+    def area_ratio(ply, u):
+        return 10 - abs(u).max() * np.ones(ply.mesh.nelements)
+
+    monkeypatch.setattr(Ply, "least_area_ratio", area_ratio)
+    few = partialmethod(LoadStepper.__init__, max_halvings=1)
+    monkeypatch.setattr(LoadStepper, "__init__", few)
 
 
 def summary_in(out):

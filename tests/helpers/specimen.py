@@ -18,7 +18,7 @@ rotate_deg = 20
 bottom = [0, 0]
 top = ["free", 12]
 [mesh]
-size = [3, 7]
+size = [2, 3]
 [tension]
 law = "crimp-toe"
 stiffness_N_per_mm = 1000

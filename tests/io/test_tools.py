@@ -149,7 +149,8 @@ def test_a_run_on_two_files_in_metres_is_repeated_from_its_case(tmp_path, caplog
         files[-1].write_bytes(binary_solid(x / 1000, part))
     out = tmp_path / "out"
     words = ["run", "drape", "--tool", *map(str, files), "--unit", "m", *SMALL]
-    assert cli.main([*words, "--width", "80", "--height", "80", "--out", str(out)]) == 0
+    words += ["--width", "80", "--height", "80", "--size", "2x2"]
+    assert cli.main([*words, "--out", str(out)]) == 0
     assert abs(summary(out)["max_shear_angle_deg"]) < 1e-6
     scene = tomllib.loads((out / "case.toml").read_text())["scene"]
     assert scene["unit"] == "m"

@@ -83,9 +83,9 @@ def few_nets(monkeypatch):
 def test_the_best_start_is_not_worse_than_others_with_smaller_cells(best, few_nets):
     """A search with large cells and few trials does not find a better one."""
     others = [best.start]
-    found = drape.best_start(TOOL, 40.0, search_cell=100.0, others=others, trials=1)
-    assert found.measure <= largest(drape.nets(TOOL, 40.0, others))[0] + 1e-12
-    assert found.net.cell == pytest.approx(40.0)
+    found = drape.best_start(TOOL, CELL, search_cell=100.0, others=others, trials=1)
+    assert found.measure <= largest(drape.nets(TOOL, CELL, others))[0] + 1e-12
+    assert found.net.cell == pytest.approx(CELL)
 
 
 def test_a_fixed_direction_is_the_projected_x_axis(few_nets):

@@ -338,7 +338,7 @@ def test_a_jump_of_a_traction_starts_fibres_and_a_slope_does_not():
     at = 17.3
 
     def value(x):
-        return 0.0 * x[0], np.where(x[0] < at, 0.0, 1.0) + x[0] ** 2 / 50
+        return 0.0 * x[0], np.where(x[0] < at, 0.0, 1.0) + 5 * np.maximum(x[0] - 40, 0)
 
     loads = [Traction("top", value)]
     lines = singular_fibres(rectangle(50, 100), bias(45), loads=loads)
@@ -457,7 +457,7 @@ def test_log_spirals(degrees):
     """θ − θ₀ = tan(angle) ln(r/r₀), to 1e-7 of the size."""
     outline = rectangle(W, 150, [circle(64, 15.0, (50, 75))])
     fabric = Fabric(1e9, 0.5, spiral(degrees), spiral(degrees - 90))
-    lines = singular_fibres(outline, fabric, HELD, finest=5.0)
+    lines = singular_fibres(outline, fabric, HELD, finest=10.0)
     assert len(lines.fibres) >= 8
     for fibre in [*lines.fibres, *lines.weak]:
         z = (fibre.points[0] + 40) + 1j * (fibre.points[1] + 20)
@@ -600,7 +600,9 @@ def random_fabric(rng):
 
 
 # Seeds 3 and 11 have curved fibres; 3, 13 and 15 a region.
-@pytest.mark.parametrize("seed", [3, 11, 13, 15, 22])
+@pytest.mark.parametrize(
+    "seed", [pytest.param(3, marks=pytest.mark.slow), 11, 13, 15, 22]
+)
 def test_fibres_of_random_outlines_run_from_edge_to_edge(seed):
     rng = np.random.default_rng(seed)
     outline = random_outline(rng)

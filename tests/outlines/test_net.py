@@ -68,7 +68,7 @@ def test_singular_fibres_are_edges_with_a_name():
 
 def test_random_outlines_with_holes_give_valid_meshes_of_the_same_area():
     random, n_valid = np.random.default_rng(11), 0
-    while n_valid < 4:
+    while n_valid < 3:
         polygon = star(random, (0, 0), 100, random.integers(3, 12), 0.6)
         holes = [
             star(random, random.uniform(-30, 30, 2), 10, random.integers(3, 30), 0.4)
@@ -119,7 +119,7 @@ def test_load_of_a_bias_extension_is_right_within_half_a_percent():
 
 def test_twice_the_density_reduces_the_error_of_the_load():
     loads = []
-    for density in (0.7, 1.4, 2.8):
+    for density in (0.6, 1.2, 2.4):
         f = fabric(55.0, 1e5)
         mesh = mesh_outline(
             Outline([[0, W, W, 0], [0, 0, 150, 150]]), f, held(), density=density

@@ -34,7 +34,7 @@ def recorded(tmp_path, monkeypatch):
 def test_a_video_has_all_frames_and_rests_on_the_last_one(result, tmp_path, recorded):
     recorded()
     file = tmp_path / "x.webm"
-    result = replace(result, states=result.states[::2])
+    result = replace(result, states=result.states[::4])
     plot.animation(result, file, size=SIZE)
     arguments = (tmp_path / "arguments").read_text().split()
     width, height = map(int, arguments[arguments.index("-s") + 1].split("x"))

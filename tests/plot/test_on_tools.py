@@ -102,7 +102,7 @@ def bump(high):
 @pytest.mark.parametrize("side", [60.0, 200.0])
 def test_a_tool_of_triangles_is_drawn_to_its_edges(side):
     """A small ply has the tool nearby, a large one all of it and nothing beyond."""
-    scene = on_tool(bump(9.0), size=(3, 3), width=side, height=side, tension=0.0)
+    scene = on_tool(bump(9.0), size=(2, 2), width=side, height=side, tension=0.0)
     result = result_of(scene, bending=(5.0, 5.0))
     surface = result.tool(1.0)
     points = np.pad(result.ply.mesh.p, ((0, 1), (0, 0))).T

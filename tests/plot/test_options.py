@@ -94,7 +94,7 @@ def test_vector_files_contain_vectors(result, tmp_path, suffix):
 def test_colours_of_vectors_and_pixels_agree(result, tmp_path):
     plot.shear_angle(result, filename=tmp_path / "pixels.png", show_edges=False)
     figure = plot.shear_angle(result, filename=tmp_path / "x.svg", show_edges=False)
-    figure.savefig(tmp_path / "vectors.png", dpi=300)
+    figure.savefig(tmp_path / "vectors.png", dpi=150)
     pixels, vectors = (
         np.asarray(Image.open(tmp_path / name).convert("RGB").resize((100, 90)), int)
         for name in ("pixels.png", "vectors.png")

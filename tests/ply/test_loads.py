@@ -26,6 +26,7 @@ from skfem_textile import (
     Full,
     LoadStepper,
     Macro,
+    Newton,
     OnePoint,
     Ply,
     Pressure,
@@ -237,7 +238,7 @@ def test_a_constant_load_is_not_a_limit_point(formulation):
 
 def test_a_load_beyond_the_limit_at_rest_is_rejected():
     with pytest.raises(RuntimeError, match="loads that grow with the load factor"):
-        LoadStepper(sheared_by(3.75, 1.0), CLAMP, 2).run()
+        LoadStepper(sheared_by(3.75, 1.0), CLAMP, 2, method=Newton(most=2)).run()
 
 
 def test_a_ply_without_stiffness_at_rest_supports_a_load():

@@ -176,7 +176,7 @@ def test_a_bent_trellis_with_a_hole_converges_to_its_motion():
 
 
 def test_a_report_states_once_why_there_is_no_exact_solution(tmp_path):
-    with_hole(50, 100).save(tmp_path / "mesh.vtk")
+    with_hole(50, 100, 6).save(tmp_path / "mesh.vtk")
     command = ["run", "bias_extension", "--mesh", str(tmp_path / "mesh.vtk")]
     command += ["--steps", "1", "--shear-angle", "10", "--no-render"]
     assert cli.main([*command, "--out", str(tmp_path / "out")]) == 0

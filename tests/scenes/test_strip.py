@@ -75,7 +75,8 @@ def test_one_point_and_stabilisation_unlock():
     """Strain and load decrease in the order of the paper's figures."""
     scene = strip()
     ends = [
-        scene.summary(run(scene, f)) for f in (Full(), OnePoint(10.0), OnePoint(1.0))
+        scene.summary(run(scene, f, steps=2))
+        for f in (Full(), OnePoint(10.0), OnePoint(1.0))
     ]
     for key in ("max_fibre_strain", "reaction_x", "energy"):
         sizes = [abs(summary[key]) for summary in ends]
@@ -123,7 +124,7 @@ def test_the_exact_motion_stretches_no_fibre():
 
 def test_shear_energy_equals_the_work_of_the_reactions():
     """Ψ = 40 ∫ w(tY/R) dY for stiff fibres, and the reactions do that work."""
-    scene = strip("aligned", (2, 60))
+    scene = strip("aligned", (1, 60))
     G, steps = 0.5, 20
     result = run(scene, Full(), G, steps, E=1e8)
     exact = 40 * G / 2 * 60**3 / 3 / 55**2

@@ -113,7 +113,7 @@ def inclined(degrees):
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     fabric = Fabric(1e4, 0.5, (c, s), (-s, c))
     conditions = {"bottom": Condition("bottom"), "top": Condition("top", (6.0, -0.3))}
-    mesh = rectangle(WIDTH, HEIGHT, (3, 4), "irregular")
+    mesh = rectangle(WIDTH, HEIGHT, (2, 3), "irregular")
     return run_of(mesh, fabric, conditions, steps=1)
 
 

@@ -20,6 +20,7 @@ from skfem_textile import (
 )
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve import search
 from skfem_textile.solve.linear import SOLVERS, superlu
 from tests.helpers import distorted
 from tests.helpers.pulled import pulled
@@ -171,7 +172,7 @@ def test_every_solver_gives_the_same_final_state(solver):
         ),
     ],
 )
-def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
+def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size, monkeypatch):
     """The load is a few thousand times the round-off; below, it is named."""
 
     def run(weight, **options):
@@ -182,8 +183,9 @@ def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
 
     weight = 1e4 * 2.0**-53 * E / size
     assert run(weight).linear_solves <= 2
+    monkeypatch.setattr(search, "_SHORTEST_AT_REST", (0.5, 0.5))
     with pytest.raises(StepError, match="due to round-off"):
-        run(1e-4 * weight, method=Newton(most=2))
+        run(1e-4 * weight, method=Newton(most=1))
 
 
 @pytest.mark.parametrize(
@@ -192,7 +194,7 @@ def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
 )
 def test_a_weight_near_round_off_is_no_obstacle_to_a_motion(n, weight):
     terms = [BodyForce((0.0, 0.0, -weight), factor=1.0)]
-    mesh = rectangle(100.0, 100.0, (n, n))
+    mesh = rectangle(100.0, 100.0, (n, n // 2))
     fabric = Fabric(1e6, 0.3, bending=(5.0, 5.0))
     ply = Ply(mesh, fabric, terms=terms, dimension=3)
     ends = {"clamp": Condition("left"), "pull": Condition("right", (5.0, 0.0, 0.0))}

@@ -50,6 +50,7 @@ def factorised(request):
         lower.sort_indices()
         return solver_named(request.param)(lower, natural(lower)).factorise(lower.data)
 
+    factorised(identity(3, format="csr"))  # loads the library of the solver
     return factorised
 
 

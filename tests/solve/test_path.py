@@ -33,6 +33,7 @@ def loaded(scene, formulation, steps, shear=0.0, **options):
     return LoadStepper(ply, scene.conditions, steps, **options).run()
 
 
+@pytest.mark.slow
 def test_the_strip_has_the_same_final_state_for_any_number_of_steps():
     """Without a path, 2 steps ended at 1.790 N·mm and 20 at 1.265."""
     results = [loaded(strip(), OnePoint(1.0), steps) for steps in (1, 2)]
@@ -67,8 +68,8 @@ def test_an_easy_path_has_no_extra_cost(scene, steps, monkeypatch):
 )
 def test_load_and_energy_are_independent_of_the_step_size(formulation, law, degrees):
     """C_s and E_d follow the state, or a run reports that its path is in doubt."""
-    scene = bias_extension(size=(4, 8), shear_angle=np.radians(degrees))
-    few, more, many = (loaded(scene, formulation, n, law) for n in (1, 4, 12))
+    scene = bias_extension(size=(3, 6), shear_angle=np.radians(degrees))
+    few, more, many = (loaded(scene, formulation, n, law) for n in (1, 4, 8))
     load, energy = (f(many) for f in (load_of, energy_of))
     assert many.path_resolved
     assert more.path_resolved
@@ -88,7 +89,7 @@ def energy_of(result):
 
 def test_energy_is_independent_of_the_number_of_steps_if_reactions_cancel():
     """One condition fixes both ends: the sum of its forces is zero."""
-    scene = bias_extension(size=(4, 8), shear_angle=np.radians(50))
+    scene = bias_extension(size=(2, 4), shear_angle=np.radians(50))
     ends = [scene.mesh.p[1].min(), scene.mesh.p[1].max()]
     held = Condition(
         lambda X: np.isin(X[1], ends),
@@ -102,10 +103,10 @@ def test_energy_is_independent_of_the_number_of_steps_if_reactions_cancel():
 
 def test_a_reaction_along_stiff_fibres_is_independent_of_the_number_of_steps():
     """If the energy changes by a thousandth, the reaction changes by a tenth."""
-    scene = strip(size=(4, 6))
+    scene = strip(size=(3, 4))
     fabric = Fabric(Pretensioned(Linear(1e5), 1.0), 0.5, scene.warp, scene.weft)
     few, many = (
-        LoadStepper(Ply(scene.mesh, fabric), scene.conditions, n).run() for n in (2, 6)
+        LoadStepper(Ply(scene.mesh, fabric), scene.conditions, n).run() for n in (2, 5)
     )
     reactions = [np.array([*r.states[-1].forces.values()]) for r in (few, many)]
     assert few.path_resolved
@@ -114,7 +115,7 @@ def test_a_reaction_along_stiff_fibres_is_independent_of_the_number_of_steps():
 
 def test_energy_is_independent_of_the_load_history():
     """Up to 60 degrees and back to 6, and straight to 6."""
-    scene = bias_extension(size=(4, 8), seed=0, shear_angle=np.radians(60))
+    scene = bias_extension(size=(2, 4), seed=0, shear_angle=np.radians(60))
 
     def pulled(path, steps):
         top = Condition("top", lambda X, t: scene.displacement(X, path(t)))

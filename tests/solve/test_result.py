@@ -380,7 +380,7 @@ def test_failed_checks_that_only_warn_are_in_the_result():
 
 def test_the_printed_load_has_the_interval_of_its_condition():
     """Not of the work of all conditions, which move."""
-    mesh = rectangle(50, 100, (4, 8), "irregular", 0.25, 1)
+    mesh = rectangle(50, 100, (2, 4), "irregular", 0.25, 1)
     moves = {
         "held": Condition("bottom"),
         "pull": Condition("top", (0.0, 8.0)),

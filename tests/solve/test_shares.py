@@ -42,7 +42,7 @@ FORMULATIONS = {
 SCENES = {bias_extension: 2, strip: 1.5, trellis: 1, picture_frame: 1}
 
 
-def case(scene, name, across=16, E=1e4, G=0.5, formulation=None, steps=2):
+def case(scene, name, across=16, E=1e4, G=0.5, formulation=None, steps=1):
     """A scene with so many elements along its short side."""
     settings, parts, made = FORMULATIONS[name]
     size = across // parts, round(SCENES[scene] * across) // parts
@@ -157,7 +157,10 @@ def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation,
     assert warned == (too_much > 0.1)
 
 
-@pytest.mark.parametrize("name", FORMULATIONS)
+@pytest.mark.parametrize(
+    "name",
+    ["one", "macro", pytest.param("macro triangles", marks=pytest.mark.slow), "mean"],
+)
 def test_the_artificial_share_without_shear_stiffness_is_nearly_one(caplog, name):
     """No fabric term resists: 58° instead of the prescribed 40°."""
     this = case(bias_extension, name, 8, G=0.0, steps=3)

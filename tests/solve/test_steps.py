@@ -51,13 +51,15 @@ def test_steps_grow_again_and_land_on_the_requested_load_factors():
 
 
 def test_a_run_that_cannot_continue_reports_it_and_keeps_its_states():
-    """A squeezed ply buckles, then folds: no later state is accepted."""
+    """A squeezed ply buckles; few iterations do not find it folded."""
     mesh = MeshQuad().refined(1).with_defaults()
     ply = Ply(mesh, Fabric(10.0, 1.0), Full())
     conditions = CLAMP | {"push": Condition("top", -2.0, (0, 1))}
     words = r"stopped at load factor 0\.\d+ \(.* mm\): no acceptable state at load"
     with pytest.raises(StepError, match=words) as e:
-        LoadStepper(ply, conditions, steps=4, max_halvings=0).run()
+        LoadStepper(
+            ply, conditions, steps=4, max_halvings=0, method=Newton(most=4)
+        ).run()
     result = e.value.result
     assert not result.converged
     assert result.states[-1].load_factor >= 0.25

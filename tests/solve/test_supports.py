@@ -156,9 +156,9 @@ def test_a_run_that_stops_states_the_prescribed_displacement():
     law = Tabulated([0, 0.3], [0, 1.5], odd=True)
     fabric = Fabric(100.0, law)
     mesh = MeshQuad().refined(1).with_defaults()
-    ply = Ply(mesh, fabric, Full(), terms=[Force("top", (20.0, 0.0))])
+    ply = Ply(mesh, fabric, Full(), terms=[Force("top", (10.0, 0.0))])
     rail = {"clamp": Condition("bottom"), "rail": Condition("top", (None, 0.01))}
     with pytest.raises(StepError, match=r"\(rail moved by 0\.00\d+ mm\)") as stop:
-        LoadStepper(ply, rail, steps=4, max_halvings=2).run()
+        LoadStepper(ply, rail, steps=4, max_halvings=1, method="plain").run()
     moved = stop.value.result.states[-1].displacements["rail"]
     assert moved[0] > 0.1

@@ -294,7 +294,7 @@ def shear(tool):
 @pytest.mark.parametrize("noise", [0.03])
 def test_noise_changes_shear_angles_by_less_than_reported(noise):
     """By 150° times the noise relative to the mean edge; up to 125° here."""
-    x, t = hat(150.0, flange=30.0, bow=400.0, size=4.0)
+    x, t = hat(150.0, flange=30.0, bow=400.0, size=6.0)
     edge = np.linalg.norm(x[:, t[0]] - x[:, t[1]], axis=0).mean()
     rng = np.random.default_rng(0)
     tool = drape.TriangleMesh(x + noise * edge * rng.standard_normal(x.shape), t)

@@ -205,4 +205,4 @@ FAMILY = Family("sweeps", {"": files()}, attempt, 1000, short=40)
 
 
 def test_a_damaged_file_of_a_sweep_is_rejected_or_completed_correctly():
-    FAMILY.check(25)
+    FAMILY.check(15)

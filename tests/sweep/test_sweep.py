@@ -125,6 +125,7 @@ def test_the_threads_of_the_caller_are_unchanged():
         assert calls.threads(None) == before != results[0]
 
 
+@pytest.mark.dear("a worker process ends, and another one starts")
 @pytest.mark.parametrize("executor", ["workers"], indirect=True)
 def test_a_killed_worker_loses_only_its_case_which_is_repeated(tmp_path, executor):
     cases = [(str(tmp_path), n) for n in range(6)]

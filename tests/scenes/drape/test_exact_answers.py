@@ -37,13 +37,15 @@ SADDLE = drape.HeightField(
 )
 
 
-@pytest.mark.parametrize(("formulation", "bound"), [(Macro(), 0.1), (OnePoint(), 0.05)])
-def test_the_chebyshev_net_is_found_in_a_few_solves(formulation, bound):
+@pytest.mark.parametrize(
+    ("formulation", "coarse", "bound"), [(Macro(), 8, 0.1), (OnePoint(), 6, 0.05)]
+)
+def test_the_chebyshev_net_is_found_in_a_few_solves(formulation, coarse, bound):
     """Errors of second order: the warp of a sphere is not resisted."""
     errors, parts = [], 2 if isinstance(formulation, Macro) else 1
-    for cells in (8, 16):
+    for cells in (coarse, 2 * coarse):
         ply, conditions, start = chebyshev(formulation, cells // parts)
-        warned = ["stabilisation"] if cells == 8 else []
+        warned = ["stabilisation"] if cells == coarse else []
         state = equilibrium_near(ply, conditions, start, warn_only=warned)
         assert state.linear_solves <= 8
         assert state.verdict.stable
@@ -172,7 +174,7 @@ def test_formulations_agree_on_where_fibres_wrinkle():
     tool, c, s = drape.Sphere(150.0, (0, 0, -150)), np.cos(0.3), np.sin(0.3)
     fabric = Fabric(2e4, 0.2, (c, s), (-s, c), bending=(40.0, 60.0))
     shares = []
-    for formulation in (Macro(), OnePoint(), Quadratic()):
+    for formulation in (OnePoint(), Quadratic()):
         ply = square(60.0, 10, fabric, formulation)
         held = {"on": OnSurface(tool)} | SYMMETRY
         state = equilibrium_near(ply, held, geodesic_u(ply, tool))

@@ -359,7 +359,9 @@ def test_exports_that_are_not_possible_are_refused(sheet, tmp_path, monkeypatch)
 def table_from_zero(scene):
     law = Tabulated(np.radians([0, 60]), [0, 0.2])
     fabric = Fabric(1e4, law, scene.warp, scene.weft)
-    return Case(scene=scene, fabric=fabric).run()
+    stepper = Case(scene=scene, fabric=fabric, steps=1).stepper()
+    stepper.max_halvings = 0
+    return stepper.run()
 
 
 def locked(degrees):

@@ -41,7 +41,7 @@ FACES_DOWN = "faces down at the contact point"
 
 
 def on_plate(height, side):
-    x, t = plate(n=15, height=height)
+    x, t = plate(n=11, height=height)
     small = {"size": (2, 2), "width": 100.0, "height": 100.0, "tension": 0.0}
     return run(on_tool(drape.TriangleMesh(x, t[::side]), **small))[1]
 
@@ -74,7 +74,7 @@ def test_a_ply_on_a_flat_tool_has_no_bridging():
 
 def test_a_rigidly_moved_tool_causes_the_same_shear():
     """Rotated about y, with the normal in the xz plane: x of the ply follows."""
-    x, t = plate(n=19)
+    x, t = plate(n=13)
     c, s = np.cos(0.6), np.sin(0.6)
     Q, shift = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]), np.array([40.0, 9.0, -7.0])
     surface = drape.TriangleMesh(x, t)

@@ -102,7 +102,7 @@ def test_a_closed_tool_is_trimmed_without_edges(tmp_path):
 
 def test_a_part_on_the_far_side_of_a_tube_is_the_part(tmp_path, tool):
     trim = rectangle(tmp_path / "trim.csv", middle=np.pi)
-    summary = laid(tmp_path / "out", tool, "--cell", 5, "--trim", trim)
+    summary = laid(tmp_path / "out", tool, "--cell", 6, "--trim", trim)
     assert summary["start_at_x_mm"] < 0
     exact = 2 * np.pi / 3 * RADIUS * 50
     for key in ("area_of_part_mm2", "pattern_area_mm2"):
@@ -112,7 +112,7 @@ def test_a_part_on_the_far_side_of_a_tube_is_the_part(tmp_path, tool):
 
 
 def test_darts_of_a_part_without_outline_are_said_once(tmp_path, capsys, tool):
-    words = ("--darts", "--locking-angle", 30)
+    words = ("--cell", 6, "--darts", "--locking-angle", 30)
     laid(tmp_path / "out", tool, *POINT, *words, code=1)
     shown = capsys.readouterr().out
     assert shown.count("no closed curve is the outline of a tube") == 1
