@@ -10,8 +10,7 @@ from .table import FILE, DeclaredTable, Degrees, about, table_of
 
 if TYPE_CHECKING:
     from ..contact import Holder, Tool
-    from ..nets.fibres_in_space import Axes
-    from ..surfaces.surface import Surface
+    from ..surfaces.surface import Axes, Surface
     from .rows import Rows
 
 Vector: TypeAlias = tuple[float, float, float]

@@ -186,7 +186,7 @@ def figures_of(
 
 def _warp_deg(tool: "TriangleMesh", net: "Net") -> float:
     """Angle of the first warp thread to the x axis of the tool at the start."""
-    from ..nets.fibres_in_space import Axes
+    from ..surfaces.surface import Axes
 
     i, j = net.start
     x = net.positions

@@ -11,7 +11,7 @@ from numpy import ndarray
 from ..ply import Ply
 from ..solve.on_surface import SurfaceError
 from ..solve.problem import OPPOSITE
-from .gaps import Pressing, pressing
+from .holder import Pressing, pressing
 from .tool import Obstacle, ToolContact, no_reach
 
 # Penetration relative to the size of the ply that is round-off, and most projections of

@@ -11,18 +11,15 @@ from ..solve.quantities import Quantity
 from ..solve.result import Result
 from ..solve.states import State
 from .gaps import (
-    Pressing,
     SmallestGap,
-    contacts,
-    flat_thickness,
     nodes_in_contact,
-    pressing,
     smallest_gap,
     tool_force,
     tool_pressure,
     touching,
     turn_on_tool,
 )
+from .holder import Pressing, contacts, flat_thickness, pressing
 from .risks import (
     COARSE,
     most_compressed,

@@ -12,11 +12,11 @@ from scipy.sparse import csr_matrix
 from skfem import CellBasis
 
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers
+from ..ply import Ply
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ElementTerm
 from ..solve.on_surface import CheckedSurface, in_axes_of_ply
 from ..surfaces.surface import Surface
-from .outline import shares_inside
 from .tool import (
     Motion,
     Obstacle,
@@ -132,6 +132,8 @@ class _PressedAreas(TermParameters):
         obstacle, areas = self._obstacle, self._integrals
         x = obstacle.X + u.reshape(-1, 3).T
         if self._outline is not None:
+            from .outline import shares_inside
+
             rotation, translation = placement(obstacle.what, obstacle.motion, t)
             local = rotation.T @ (x - translation[:, None])
             corners = local[:2, : self._mesh.nvertices]
@@ -235,3 +237,22 @@ def _amount_at(
             f"at load factor {t:g}"
         )
     return float(number)
+
+
+#: A tool, a holder that keeps a gap, or one that presses.
+Pressing: TypeAlias = ToolContact | HolderPressure
+
+
+def contacts(ply: Ply) -> list[ToolContact]:
+    """Contacts of a ply with tools, and with holders that keep a gap."""
+    return [term for term in ply.terms if isinstance(term, ToolContact)]
+
+
+def pressing(ply: Ply) -> list[Pressing]:
+    """Contacts of a ply, and holders with a prescribed pressure."""
+    return [term for term in ply.terms if isinstance(term, Pressing)]
+
+
+def flat_thickness(ply: Ply) -> float:
+    """Thickness of the flat ply in mm: the largest stated by a tool, or 0."""
+    return max((tool.thickness for tool in contacts(ply)), default=0.0)

@@ -10,7 +10,7 @@ from ..ply import Ply
 from ..solve.states import State
 from ..surfaces.surface import Surface
 from ..surfaces.tool_mesh import triangles_within
-from .gaps import contacts
+from .holder import contacts
 from .outline import inside, nearest
 from .tool import ToolContact, placement
 

@@ -28,7 +28,6 @@ from ..solve.on_surface import (
     in_axes_of_ply,
 )
 from ..surfaces.surface import Surface, place
-from .outline import crossing_edges, inside, is_flat
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
 #: the load factor that returns the translation, or a rotation matrix and it.
@@ -343,6 +342,8 @@ class Obstacle:
         """True for points that the tool may touch."""
         within = np.ones(x.shape[1], dtype=bool)
         if self.outline is not None:
+            from .outline import inside
+
             within &= inside(self.outline, x[:2])
         beyond = getattr(self.surface, "beyond_edges", None)
         if beyond is not None and within.any():
@@ -421,6 +422,8 @@ def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
         )
     if not np.isfinite(corners).all():
         raise ValueError(f"{what}: outline must be finite")
+    from .outline import crossing_edges, is_flat
+
     if (crossing := crossing_edges(corners)) is not None:
         first, second = (f"from corner {i}" for i in crossing)
         raise ValueError(f"{what}: the edges of the outline {first} and {second} cross")

@@ -28,13 +28,20 @@ from ..declarations.scenes import PlyOptions
 from ..fabric import Fabric
 from ..mesh.checks import MeshError
 from ..nets.crossings import Net, NetError
-from ..nets.fibres_in_space import SAME_AXES, Axes
 from ..ply import Ply
 from ..ply.terms import Load
 from ..solve.conditions import Condition
 from ..solve.on_surface import OnSurface
 from ..solve.result import Result
-from ..surfaces.surface import OffSurfaceError, Surface, displacement, geodesics, onto
+from ..surfaces.surface import (
+    SAME_AXES,
+    Axes,
+    OffSurfaceError,
+    Surface,
+    displacement,
+    geodesics,
+    onto,
+)
 from .edge_tension import AROUND, EdgeTension, edge_net
 from .flat_ply import flat_ply, in_planes
 from .on_tool import CELLS, FIRST_ON_TOOL, measured_on_tool

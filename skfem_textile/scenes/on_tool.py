@@ -16,13 +16,12 @@ from ..contact.risks import (
     turn_of_normal,
 )
 from ..nets.crossings import Net
-from ..nets.fibres_in_space import Axes
 from ..nets.kinematic_net import net
 from ..solve.conditions import Condition
 from ..solve.on_surface import OnSurface
 from ..solve.quantities import Quantity
 from ..solve.result import Result, components_mm
-from ..surfaces.surface import Surface
+from ..surfaces.surface import Axes, Surface
 
 #: Number of cells of a net along the longer side of the ply.  Chosen: the error of the
 #: thread directions at the edges is 1e-4.

@@ -10,22 +10,21 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..contact.risks import most_compressed, share_of_area, wrinkle_risk
 from ..fabric import Fabric, Law, is_zero
-from ..nets.fibres_in_space import SAME_AXES, Axes
 from ..solve.conditions import Condition
 from ..solve.on_surface import OnSurface
 from ..solve.quantities import Quantity
 from ..solve.result import Driven, Result
 from ..solve.states import State
-from .shear_test import BiasTest, FrameTest
+from ..surfaces.surface import SAME_AXES, Axes
 
 if TYPE_CHECKING:
     from ..contact import Holder, Tool
+    from ..mesh.selection import FibreEnd
     from ..outlines import Outline
     from ..ply import Ply
-    from ..ply.builtin_terms import FibreEnd
     from ..ply.terms import Load
+    from .shear_test import BiasTest, FrameTest
 
 ExactField = Callable[[ndarray, float], ndarray]
 
@@ -146,7 +145,7 @@ class Scene:
     load: Callable[[Law, float], float] | None = None
     load_lost: Callable[[Fabric, float], float] | None = None
     misfit: str = ""
-    shear_test: BiasTest | FrameTest | None = None
+    shear_test: "BiasTest | FrameTest | None" = None
     dimension: int = 2
     fibre_ends: "Mapping[str, FibreEnd]" = field(default_factory=dict)
     loads: "tuple[Load, ...]" = ()
@@ -362,6 +361,8 @@ class Scene:
         ``load_over_exact``, ``displacement_error_...`` and ``shear_angle_error_...``.
         ``exact_answer`` states any limitation.
         """
+        from ..contact.risks import most_compressed, share_of_area, wrinkle_risk
+
         state = result.states[-1]
         reaction = self.reaction(state).tolist()
         carried = state.shares.get(f"{self.reacting or self.driven}_reaction", {})

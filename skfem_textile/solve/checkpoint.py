@@ -20,7 +20,7 @@ from . import checksummed
 from .continuation import Continuation
 from .linear.solver import Clock
 from .problem import Problem
-from .states import Equilibrium, State, Verdict
+from .states import CheckpointError, Equilibrium, State, Verdict
 from .verdict import Trial
 
 # File format version; other versions are refused.
@@ -52,10 +52,6 @@ _PROBED = (
 
 # Fibre strain and shear angle (radians) up to which laws are compared.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
-
-
-class CheckpointError(ValueError):
-    """Checkpoint that cannot be used; the message gives the reason and the remedy."""
 
 
 class Progress(NamedTuple):
@@ -134,17 +130,24 @@ class Checkpoint:
                 beside, self._run, "run", "", settings, arrays
             )
 
-    def save(self, number: int, state: State, progress: Progress) -> None:
-        """Write a state and the progress of the run.
+    def save(
+        self,
+        number: int,
+        state: State,
+        continuation: Continuation,
+        clock: Clock,
+        elapsed: float,
+    ) -> None:
+        """Write a state and the progress of the run, of a duration in s.
 
         The first state of a run replaces a finished run.  Raises an error if the file
         cannot be written.
         """
         text = asdict(replace(state, parameters={}))
         text["progress"] = {
-            "continuation": asdict(progress.continuation),
-            "clock": asdict(progress.clock),
-            "elapsed": progress.elapsed,
+            "continuation": asdict(continuation),
+            "clock": asdict(clock),
+            "elapsed": elapsed,
         }
         arrays = {"u": text.pop("u")}
         del text["parameters"]
