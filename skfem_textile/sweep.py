@@ -31,8 +31,8 @@ from typing import Any, Generic, TypeVar
 
 from .mesh.requirements import require
 from .mesh.user_input import error_text
+from .solve import solver_threads
 from .solve.checksummed import Lock
-from .solve.threads import solver_threads
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")

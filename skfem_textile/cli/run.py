@@ -17,7 +17,7 @@ from ..cases.read import CaseFileError, declared, default_laws, read_tables
 from ..cases.schema import CaseFile
 from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
 from ..mesh.user_input import printable
-from ..scenes.case import Case
+from ..scenes.scene import Case
 from ..solve.interval import ErrorInterval
 from ..solve.quantities import first_rows
 from ..solve.result import Result, StepError

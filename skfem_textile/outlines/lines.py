@@ -14,7 +14,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.integrate import cumulative_trapezoid
 
-from ..mesh.graph import components
+from ..mesh.pattern import components
 from .outline import NEAR
 
 log = logging.getLogger(__name__)

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from skfem import CellBasis, Mesh, asm
 
 from ..fabric import Fabric
-from ..forms.corners import RESISTING, corner_resistance
+from ..forms.in_plane import RESISTING, corner_resistance
 from ..forms.kernels.kernel import node_pair_blocks
 from ..mesh.bases import CornerBasis, Corners, components
 from ..mesh.selection import FIBRE_ENDS, FibreEnd, Turning

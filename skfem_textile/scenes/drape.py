@@ -13,8 +13,8 @@ from skfem import Mesh
 
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
-from ..mesh.graph import components
 from ..mesh.overlap import signed_areas
+from ..mesh.pattern import components
 from ..nets.crossings import Net
 from ..surfaces.surface import Axes, OffSurfaceError, onto
 from ..surfaces.tool_mesh import ToolMesh

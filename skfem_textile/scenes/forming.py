@@ -35,7 +35,7 @@ from ..surfaces.analytic import Height, HeightField, Plane, positive_length
 from ..surfaces.analytic import double_dome as dome
 from ..surfaces.punch_and_die import Die, Punch
 from ..surfaces.surface import SAME_AXES, Axes, Surface
-from .flat_ply import flat_ply, free_edges, in_planes
+from .rectangle import flat_ply, free_edges, in_planes
 from .scene import Scene, with_parameters
 
 if TYPE_CHECKING:

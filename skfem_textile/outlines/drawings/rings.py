@@ -11,7 +11,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from ...mesh.checks import refuse_metres
-from ...mesh.graph import components
+from ...mesh.pattern import components
 from ..outline import (
     NEAR,
     place,
