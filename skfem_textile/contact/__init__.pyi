@@ -17,7 +17,6 @@ from .figures import (
     travels as travels,
 )
 from .holder import (
-    Holder as Holder,
     contacts as contacts,
     pressing as pressing,
 )
@@ -32,4 +31,7 @@ from .shape import (
     draw_in as draw_in,
     fibre_curvature as fibre_curvature,
 )
-from .tool import Tool as Tool
+from .tool import (
+    Holder as Holder,
+    Tool as Tool,
+)

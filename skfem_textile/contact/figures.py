@@ -20,6 +20,7 @@ from .gaps import (
     turn_on_tool,
 )
 from .holder import Pressing, contacts, flat_thickness, pressing
+from .obstacle import ToolContact
 from .risks import (
     COARSE,
     most_compressed,
@@ -27,7 +28,6 @@ from .risks import (
     wrinkle_risk,
 )
 from .shape import areal_weight, draw_in, fibre_curvature
-from .tool import ToolContact
 
 # Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
 _RAYS = (0, 45, 90)

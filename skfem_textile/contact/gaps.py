@@ -8,8 +8,8 @@ from numpy import ndarray
 from ..ply import Ply
 from ..solve.states import State
 from .holder import Pressing
+from .obstacle import ToolContact
 from .risks import largest_turn, pressure_of
-from .tool import ToolContact
 
 # Share of the largest contact force below which a force is zero: the tolerance of
 # equilibrium.

@@ -33,7 +33,8 @@ from .collapsing import (
     smallest_angles,
 )
 from .fibres import singular_fibres
-from .outline import Outline, place
+from .outline import Outline
+from .rings import place
 
 log = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ from numpy import ndarray
 from scipy.integrate import cumulative_trapezoid
 
 from ..mesh.pattern import components
-from .outline import NEAR
+from .rings import NEAR
 
 log = logging.getLogger(__name__)
 

@@ -22,7 +22,7 @@ from numpy import ndarray
 from skfem import CellBasis, FacetBasis, LinearForm, Mesh, asm
 
 from ..contact import Holder, Tool, contacts
-from ..contact.tool import refuse_extent
+from ..contact.obstacle import refuse_extent
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
 from ..mesh.checks import MeshError

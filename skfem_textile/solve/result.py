@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from html import escape
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
+from .. import solve
 from ..mesh.user_input import CopiedError
 from ..ply import Ply
 from ..ply.terms import ContactTerm
@@ -262,8 +262,7 @@ class Result:
         Parameters, returned value and exceptions as there.  Nothing is imported for it
         before it is called.
         """
-        plot = import_module("skfem_textile.plot")
-        return plot.view(self, **options)
+        return solve.viewer(self, **options)
 
     def history(self, turn: ndarray | None = None) -> list[dict[str, float | None]]:
         """Table with one row per converged state.
