@@ -1,8 +1,6 @@
 """Checksummed files of arrays and text, and locks for a single writer.
 
-The last line of a file is its seal: run, name, and a digest of the content, the rest of
-the seal and the digest of the previous file in a series.  An edited file therefore
-disagrees with the others even with a recomputed digest.
+The last line of a file contains its run, its name, and a CRC-32 checksum of the rest.
 """
 
 import io
@@ -12,10 +10,10 @@ import re
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakSet
+from zlib import crc32
 
 import numpy as np
 from numpy import ndarray
@@ -23,76 +21,79 @@ from numpy import ndarray
 if sys.platform != "win32":
     import fcntl
 
-_SEAL = re.compile(r"([0-9a-f]{32}) (run|state_[0-9]{6,}) ([0-9a-f]{64})")
+# Last line of a file.  Up to version 0.3 its checksum had 64 digits.
+_LAST_LINE = re.compile(
+    r"([0-9a-f]{32} (?:run|state_[0-9]{6,})) ([0-9a-f]{8}|[0-9a-f]{64})"
+)
 
 
 class Content(NamedTuple):
-    """Text and arrays of a file, and its seal."""
+    """Text and arrays of a file, and its run."""
 
     text: dict[str, Any]
     arrays: dict[str, ndarray]
     run: str
-    digest: str
 
 
 def write(
     path: Path,
     run: str,
     name: str,
-    before: str,
     text: Mapping[str, Any],
     arrays: Mapping[str, ndarray],
-) -> str:
-    """Write a file to disk, synchronously; returns its digest.
+) -> None:
+    """Write a file to disk, synchronously.
 
-    ``run`` has 32 hexadecimal digits, ``name`` is the name of the file in the run, and
-    ``before`` is the digest of the previous file, empty for the first.  ``text`` must
-    be serialisable as JSON.
+    ``run`` has 32 hexadecimal digits, and ``name`` is the name of the file in the run.
+    ``text`` must be serialisable as JSON.
     """
     buffer = io.BytesIO()
     np.savez(buffer, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
-    digest = _digest(before, run, name, buffer.getvalue())
+    buffer.write(f"\n{run} {name}".encode())
+    checksum = _checksum(buffer.getvalue())
     try:
         with open(path, "wb") as file:
             file.write(buffer.getvalue())
-            file.write(f"\n{run} {name} {digest}".encode())
+            file.write(f" {checksum}".encode())
             file.flush()
             os.fsync(file.fileno())
     except OSError:  # an incomplete file must not occupy space on a full disk
         with suppress(OSError):
             path.unlink()
         raise
-    return digest
 
 
-def read(path: Path, run: str, before: str) -> Content:
+def read(path: Path, run: str) -> Content:
     """Read a file; an empty ``run`` matches any run.
 
-    Raises a ValueError if the file is damaged, belongs to another run, or has another
-    name or predecessor.
+    Raises a ValueError if the file is damaged, belongs to another run, has another name
+    or was written by version 0.3 or earlier.
     """
     if path.exists() and not path.is_file():  # a pipe or device may never end
         raise ValueError("is not a file")
-    body, _, seal = path.read_bytes().rpartition(b"\n")
-    if not (match := _SEAL.fullmatch(seal.decode(errors="replace"))):
+    body, _, last = path.read_bytes().rpartition(b"\n")
+    if not (match := _LAST_LINE.fullmatch(last.decode(errors="replace"))):
         raise ValueError("is damaged: its last line is not a checksum")
-    its_run, name, its_digest = match.groups()
+    origin, checksum = match.groups()
+    if len(checksum) == 64:
+        raise ValueError("was written by an earlier version: use another folder")
+    its_run, name = origin.split()
     if run and its_run != run:
         raise ValueError("belongs to another run")
     if name != path.stem:
         raise ValueError(f"was renamed from {name}{path.suffix}")
-    if (digest := _digest(before, its_run, name, body)) != its_digest:
-        raise ValueError("is damaged: it or a previous file was modified")
+    if checksum != _checksum(body + b"\n" + origin.encode()):
+        raise ValueError("is damaged: its content does not match its checksum")
     try:
         with np.load(io.BytesIO(body), allow_pickle=False) as content:
             arrays = dict(content)
-        return Content(json.loads(str(arrays.pop("text"))), arrays, its_run, digest)
+        return Content(json.loads(str(arrays.pop("text"))), arrays, its_run)
     except Exception as error:  # numpy and zipfile may raise anything
         raise ValueError(f"is damaged: {str(error).partition(chr(10))[0]}") from None
 
 
-def _digest(before: str, run: str, name: str, body: bytes) -> str:
-    return sha256(f"{before} {run} {name} ".encode() + body).hexdigest()
+def _checksum(content: bytes) -> str:
+    return f"{crc32(content):08x}"
 
 
 class Lock:

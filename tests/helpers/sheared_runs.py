@@ -31,8 +31,8 @@ def interrupted(folder, pull=0.3):
 
 
 def read_npz(path):
-    """Text and arrays of a file, and its seal: run, name, digest."""
-    body, _, seal = path.read_bytes().rpartition(b"\n")
+    """Text and arrays of a file, and its last line: run, name, checksum."""
+    body, _, last = path.read_bytes().rpartition(b"\n")
     with np.load(io.BytesIO(body)) as content:
         arrays = dict(content)
-    return json.loads(str(arrays.pop("text"))), arrays, seal.decode().split()
+    return json.loads(str(arrays.pop("text"))), arrays, last.decode().split()
