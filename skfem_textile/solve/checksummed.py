@@ -1,30 +1,24 @@
 """Checksummed files of arrays and text, and locks for a single writer.
 
-The last line of a file contains its run, its name, and a CRC-32 checksum of the rest.
+An ``.npz`` file has a CRC-32 checksum of each array.  The text is one of the arrays,
+and contains the names of the others.
 """
 
 import io
 import json
 import os
-import re
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakSet
-from zlib import crc32
 
 import numpy as np
 from numpy import ndarray
 
 if sys.platform != "win32":
     import fcntl
-
-# Last line of a file.  Up to version 0.3 its checksum had 64 digits.
-_LAST_LINE = re.compile(
-    r"([0-9a-f]{32} (?:run|state_[0-9]{6,})) ([0-9a-f]{8}|[0-9a-f]{64})"
-)
 
 
 class Content(NamedTuple):
@@ -44,17 +38,15 @@ def write(
 ) -> None:
     """Write a file to disk, synchronously.
 
-    ``run`` has 32 hexadecimal digits, and ``name`` is the name of the file in the run.
-    ``text`` must be serialisable as JSON.
+    ``run`` is the name of the run, and ``name`` that of the file in it.  ``text`` must
+    be serialisable as JSON.
     """
+    content = json.dumps([run, name, [*arrays], text])
     buffer = io.BytesIO()
-    np.savez(buffer, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
-    buffer.write(f"\n{run} {name}".encode())
-    checksum = _checksum(buffer.getvalue())
+    np.savez(buffer, text=np.array(content), **arrays)  # type: ignore[arg-type]
     try:
         with open(path, "wb") as file:
             file.write(buffer.getvalue())
-            file.write(f" {checksum}".encode())
             file.flush()
             os.fsync(file.fileno())
     except OSError:  # an incomplete file must not occupy space on a full disk
@@ -71,29 +63,24 @@ def read(path: Path, run: str) -> Content:
     """
     if path.exists() and not path.is_file():  # a pipe or device may never end
         raise ValueError("is not a file")
-    body, _, last = path.read_bytes().rpartition(b"\n")
-    if not (match := _LAST_LINE.fullmatch(last.decode(errors="replace"))):
-        raise ValueError("is damaged: its last line is not a checksum")
-    origin, checksum = match.groups()
-    if len(checksum) == 64:
+    file = io.BytesIO(path.read_bytes())
+    try:
+        with np.load(file, allow_pickle=False) as content:
+            arrays = dict(content)
+        stated = json.loads(str(arrays.pop("text")))
+        is_earlier = isinstance(stated, dict)
+        its_run, name, names, text = ("", "", [], {}) if is_earlier else stated
+    except Exception as error:  # numpy and zipfile may raise anything
+        raise ValueError(f"is damaged: {str(error).partition(chr(10))[0]}") from None
+    if is_earlier:
         raise ValueError("was written by an earlier version: use another folder")
-    its_run, name = origin.split()
+    if [*arrays] != names:
+        raise ValueError("is damaged: some of its arrays are missing")
     if run and its_run != run:
         raise ValueError("belongs to another run")
     if name != path.stem:
         raise ValueError(f"was renamed from {name}{path.suffix}")
-    if checksum != _checksum(body + b"\n" + origin.encode()):
-        raise ValueError("is damaged: its content does not match its checksum")
-    try:
-        with np.load(io.BytesIO(body), allow_pickle=False) as content:
-            arrays = dict(content)
-        return Content(json.loads(str(arrays.pop("text"))), arrays, its_run)
-    except Exception as error:  # numpy and zipfile may raise anything
-        raise ValueError(f"is damaged: {str(error).partition(chr(10))[0]}") from None
-
-
-def _checksum(content: bytes) -> str:
-    return f"{crc32(content):08x}"
+    return Content(text, arrays, its_run)
 
 
 class Lock:

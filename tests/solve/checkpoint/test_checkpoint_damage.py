@@ -1,5 +1,6 @@
 """Checkpoints that are damaged, forged or locked."""
 
+import json
 import os
 import shutil
 import signal
@@ -38,7 +39,7 @@ def refusal(folder):
 def forge(folder, number, edit):
     """Edit text and arrays of a file, and its checksum."""
     file = [folder / "run.npz", *sorted(folder.glob("state_*"))][number]
-    text, arrays, (of_run, name, _) = read_npz(file)
+    of_run, name, text, arrays = read_npz(file)
     edit(text, arrays)
     checksummed.write(file, of_run, name, text, arrays)
 
@@ -65,6 +66,21 @@ def test_a_damaged_checkpoint_is_rejected(run, file):
         assert "damaged" in refusal(run)
 
 
+def test_no_changed_byte_changes_what_is_read(made, tmp_path):
+    file, copy = made / "state_000002.npz", tmp_path / "state_000002.npz"
+    content, whole = checksummed.read(file, ""), file.read_bytes()
+    for i in range(0, len(whole), 53):
+        copy.write_bytes(whole[:i] + bytes([whole[i] ^ 16]) + whole[i + 1 :])
+        try:
+            text, arrays, run = checksummed.read(copy, content.run)
+        except ValueError:
+            continue
+        assert (text, run) == (content.text, content.run)
+        assert [*arrays] == [*content.arrays]
+        for name, array in arrays.items():
+            assert array.tobytes() == content.arrays[name].tobytes()
+
+
 @pytest.mark.parametrize("file", ["run.npz", "state_000001.npz"])
 def test_a_missing_file_is_reported(run, file):
     (run / file).unlink()
@@ -88,9 +104,12 @@ def test_a_renamed_file_is_reported(run):
 
 
 def test_a_checkpoint_of_an_earlier_version_is_refused(run):
-    """Its last lines end with a SHA-256 digest."""
+    """Its last lines contain run and name, which the text does not."""
     for file in run.iterdir():
-        file.write_bytes(file.read_bytes()[:-8] + b"0" * 64)
+        of_run, name, text, arrays = read_npz(file)
+        np.savez(file, text=np.array(json.dumps(text)), **arrays)
+        with open(file, "ab") as end:
+            end.write(f"\n{of_run} {name} {'0' * 64}".encode())
     assert "run.npz was written by an earlier version" in refusal(run)
 
 
