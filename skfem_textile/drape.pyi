@@ -60,7 +60,7 @@ from .surfaces.analytic import (
 )
 from .surfaces.tool_mesh import ToolMesh as ToolMesh, triangles_on as triangles_on
 from .surfaces.triangle_mesh import TriangleMesh as TriangleMesh
-from .nets.trimming import TrimmedNet as TrimmedNet, trimmed as trimmed
+from .nets.part import TrimmedNet as TrimmedNet, trimmed as trimmed
 from .surfaces.surface import (
     SAME_AXES as SAME_AXES,
     Axes as Axes,

@@ -119,7 +119,7 @@ class Cells(NamedTuple):
     @classmethod
     def of(cls, part: Part) -> "Cells":
         """Cells of the pieces of a part."""
-        from ..nets.trimming import shares_inside
+        from ..nets.part import shares_inside
 
         pieces, angles, areas, centres, whole = [], [], [], [], 0.0
         for k, (net, mask) in enumerate(part.pieces):

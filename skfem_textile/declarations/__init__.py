@@ -11,6 +11,10 @@ from dataclasses import MISSING, dataclass, field
 from math import radians
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, dataclass_transform
 
+if TYPE_CHECKING:
+    from numpy import ndarray
+    from numpy.typing import ArrayLike
+
 _T = TypeVar("_T")
 
 #: Default in a case file of a parameter that it must state.
@@ -120,9 +124,6 @@ def declaration(
 
     return decorated
 
-
-if TYPE_CHECKING:
-    from numpy import ndarray
 
 _STIFFNESS = "stiffness E or G"
 
@@ -248,8 +249,6 @@ class Quadratic:
 
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     Vector: TypeAlias = ArrayLike
 else:
     Vector = tuple[float, float, float]

@@ -274,10 +274,6 @@ def _refuse_points(name: str, shape: tuple[int, ...], basis: Any) -> None:
         )
 
 
-if TYPE_CHECKING:
-    from .kernels.kernel import Kernel
-
-
 class Forms(NamedTuple):
     """Energy, residual and tangent of one term, with the parameter ``u``.
 

@@ -16,7 +16,7 @@ Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "del
 
 KINDS: tuple[str, ...] = get_args(Kind)
 
-# Tolerance of an edge on a side, relative to the rectangle.
+# Tolerances of angles in radians, and of lengths relative to the rectangle.
 _OFF = 1e-6
 
 
@@ -172,9 +172,6 @@ def _delaunay(points: ndarray) -> MeshTri:
 
 #: Sides in planes of symmetry, and their normals.
 _SYMMETRY = {"left": (0.0, None, None), "bottom": (None, 0.0, None)}
-
-# Tolerances of angles in radians, and of lengths relative to the ply.
-_OFF = 1e-6
 
 
 class FlatPly(NamedTuple):

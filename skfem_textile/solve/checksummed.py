@@ -1,7 +1,7 @@
 """Checksummed files of arrays and text, and locks for a single writer.
 
-An ``.npz`` file has a CRC-32 checksum of each array.  The text is one of the arrays,
-and contains the names of the others.
+An ``.npz`` file contains a CRC-32 checksum of each array.  The text is one of the
+arrays, and contains the names of the others.
 """
 
 import io
@@ -38,8 +38,8 @@ def write(
 ) -> None:
     """Write a file to disk, synchronously.
 
-    ``run`` is the name of the run, and ``name`` that of the file in it.  ``text`` must
-    be serialisable as JSON.
+    ``run`` is the name of the run, and ``name`` the name of the file in it.  ``text``
+    must be serialisable as JSON.
     """
     content = json.dumps([run, name, [*arrays], text])
     buffer = io.BytesIO()
