@@ -76,7 +76,7 @@ from .outlines import (
     mesh_outline as mesh_outline,
     singular_fibres as singular_fibres,
 )
-from .solve.checkpoint import CheckpointError as CheckpointError
+from .solve.states import CheckpointError as CheckpointError
 from .solve.conditions import Condition as Condition
 from .solve.interval import ErrorInterval as ErrorInterval
 from .solve.newton import Newton as Newton, PlainNewton as PlainNewton

@@ -17,8 +17,6 @@ from .nets.dart_pattern import (
 )
 from .nets.darts import NetWithDarts as NetWithDarts, net_with_darts as net_with_darts
 from .nets.fibres_in_space import (
-    SAME_AXES as SAME_AXES,
-    Axes as Axes,
     FibresInSpace as FibresInSpace,
     fibres_on_ply as fibres_on_ply,
     fibres_on_tool as fibres_on_tool,
@@ -62,8 +60,10 @@ from .surfaces.analytic import (
 )
 from .surfaces.tool_mesh import ToolMesh as ToolMesh, triangles_on as triangles_on
 from .surfaces.triangle_mesh import TriangleMesh as TriangleMesh
-from .nets.trimming import TrimmedNet as TrimmedNet, trimmed as trimmed
+from .nets.part import TrimmedNet as TrimmedNet, trimmed as trimmed
 from .surfaces.surface import (
+    SAME_AXES as SAME_AXES,
+    Axes as Axes,
     displacement as displacement,
     exponential_map as exponential_map,
 )

@@ -21,18 +21,18 @@ from concurrent.futures import (
 from contextlib import closing, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from hashlib import sha256
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any, Generic, TypeVar
+from zlib import crc32
 
 from .mesh.requirements import require
 from .mesh.user_input import error_text
+from .solve import solver_threads
 from .solve.checksummed import Lock
-from .solve.threads import solver_threads
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")
@@ -53,7 +53,7 @@ _INTERRUPTED = 130
 
 # Beginning of every line, and the names of its entries in order.
 _LINE_START = b'{"case": '
-_ENTRIES = ["case", "found", "digest"]
+_ENTRIES = ["case", "found", "checksum"]
 
 # Maximum number of lines, or of cases, listed in a message.
 _LISTED = 5
@@ -114,10 +114,10 @@ def sweep(
     executor
         `WorkerProcesses`, the executor of a dask client, or any other executor.
     out
-        File to which every result is appended at once, as a line of JSON with a digest.
-        Cases in the file are skipped, so that an interrupted sweep resumes.  Modified
-        lines are ignored, and a warning lists them.  Results are yielded as decoded
-        from JSON: numbers, text, lists and dicts.
+        File to which every result is appended at once, as a line of JSON with its
+        checksum.  Cases in the file are skipped, so that an interrupted sweep resumes.
+        Damaged lines are ignored, and a warning lists them.  Results are yielded as
+        decoded from JSON: numbers, text, lists and dicts.
     key
         Function that names a case in ``out`` and in messages, the same in every run.
     retries
@@ -164,7 +164,7 @@ def sweep(
 
 
 class ResultsFile:
-    """File with one line of JSON per completed case, each with a digest.
+    """File with one line of JSON per completed case, each with a checksum.
 
     The file is locked.  It is modified only if it is new or contains a line written by
     a sweep.  ``path`` is its path, ``earlier`` are the results of an earlier sweep, by
@@ -237,10 +237,10 @@ class ResultsFile:
         """
         result_text = json.dumps(result, ensure_ascii=False, default=_as_json)
         name_text = json.dumps(name, ensure_ascii=False)
-        start = f'{{"case": {name_text}, "found": {result_text}, "digest": "'.encode()
+        start = f'{{"case": {name_text}, "found": {result_text}, "checksum": "'.encode()
         try:
             with open(self.path, "ab") as file:
-                file.write(start + _digest(start) + b'"}\n')
+                file.write(start + _checksum(start) + b'"}\n')
         except OSError as error:
             raise OSError(
                 f"cannot write results to {self.path}: {error.strerror or error}; "
@@ -251,8 +251,8 @@ class ResultsFile:
 
 def _entry(line: bytes) -> tuple[str, str] | None:
     """Name and result, as JSON, of a line; None if it was not written by a sweep."""
-    start, digest, end = line[:-18], line[-18:-2], line[-2:]
-    if end != b'"}' or digest != _digest(start):
+    start, checksum, end = line[:-10], line[-10:-2], line[-2:]
+    if end != b'"}' or checksum != _checksum(start):
         return None
     try:
         entry = json.loads(line)
@@ -264,8 +264,8 @@ def _entry(line: bytes) -> tuple[str, str] | None:
     return (name, json.dumps(entry["found"])) if isinstance(name, str) else None
 
 
-def _digest(start: bytes) -> bytes:
-    return sha256(start).hexdigest()[:16].encode()
+def _checksum(start: bytes) -> bytes:
+    return f"{crc32(start):08x}".encode()
 
 
 def _as_json(array: Any) -> Any:

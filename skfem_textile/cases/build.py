@@ -18,7 +18,7 @@ from ..fabric.regions import fabric_of_regions
 from ..mesh.user_input import printable
 from ..ply.loads import BodyForce, Force
 from ..ply.terms import Load
-from ..scenes.case import Case
+from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
 from .read import (
     CaseFileError,

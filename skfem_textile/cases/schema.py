@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union, get
 
 from msgspec import Meta, field
 
-from ..declarations import formulations, laws
+from .. import declarations as declared
 from .scenes import AnyScene
 from .table import FILE, DeclaredTable, Degrees, Table, about, table_of
 from .tools import AnyTool
@@ -167,9 +167,9 @@ class Measured(Law, tag="FILE.csv"):
         Literal["refuse", "linear"],
         about("beyond the table: refuse every state, or extrapolate linearly"),
     ] = "refuse"
-    continuation: Annotated[Literal["none", "odd"], about(laws.ABOUT_CONTINUATION)] = (
-        "none"
-    )
+    continuation: Annotated[
+        Literal["none", "odd"], about(declared.ABOUT_CONTINUATION)
+    ] = "none"
 
     def build(self, of: "Resistance") -> Any:
         """See `Law.build`."""
@@ -228,16 +228,20 @@ if TYPE_CHECKING:
     TensionLaw: TypeAlias = Law
     ShearLaw: TypeAlias = Law
 else:
-    _Linear = table_of(laws.Linear, Law)
+    _Linear = table_of(declared.Linear, Law)
     TensionLaw = (
-        _Linear | Measured | table_of(laws.CrimpToe, Law) | CrimpInterchange | LawOfFile
+        _Linear
+        | Measured
+        | table_of(declared.CrimpToe, Law)
+        | CrimpInterchange
+        | LawOfFile
     )
     ShearLaw = (
         _Linear
-        | table_of(laws.Sin2, Law)
+        | table_of(declared.Sin2, Law)
         | Measured
-        | table_of(laws.Locking, Law)
-        | table_of(laws.Polynomial, Law)
+        | table_of(declared.Locking, Law)
+        | table_of(declared.Polynomial, Law)
         | LawOfFile
     )
 
@@ -345,10 +349,10 @@ if TYPE_CHECKING:
     AnyFormulation: TypeAlias = FormulationTable
 else:
     AnyFormulation = Union[  # noqa: UP007 - of a sequence
-        table_of(formulations.OnePoint, FormulationTable, last=["stabilisation"]),
-        table_of(formulations.Macro, FormulationTable),
-        table_of(formulations.Full, FormulationTable),
-        table_of(formulations.Quadratic, FormulationTable),
+        table_of(declared.OnePoint, FormulationTable, last=["stabilisation"]),
+        table_of(declared.Macro, FormulationTable),
+        table_of(declared.Full, FormulationTable),
+        table_of(declared.Quadratic, FormulationTable),
     ]
 
 # ---------------------------------------------------------------------------- the rest

@@ -5,13 +5,12 @@ Each struct builds its surface and imports the modules for it only then.
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
-from ..declarations import surfaces
+from .. import declarations as declared
 from .table import FILE, DeclaredTable, Degrees, about, table_of
 
 if TYPE_CHECKING:
     from ..contact import Holder, Tool
-    from ..nets.fibres_in_space import Axes
-    from ..surfaces.surface import Surface
+    from ..surfaces.surface import Axes, Surface
     from .rows import Rows
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -219,8 +218,8 @@ else:
         *(
             table_of(surface, ToolTable)
             for surface in (
-                *(surfaces.Plane, surfaces.Sphere, surfaces.Cylinder, surfaces.Cone),
-                *(surfaces.Torus, surfaces.Punch, surfaces.Die),
+                *(declared.Plane, declared.Sphere, declared.Cylinder, declared.Cone),
+                *(declared.Torus, declared.Punch, declared.Die),
             )
         ),
     ]

@@ -4,8 +4,8 @@ from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import words
-from .file_options import OF_FILES, Options, option, repeated
+from ..declarations import words
+from ..declarations.recordings import OF_FILES, Options, option, repeated
 from .options import add_outputs
 
 _FABRIC: Options = {

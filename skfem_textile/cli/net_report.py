@@ -119,7 +119,7 @@ class Cells(NamedTuple):
     @classmethod
     def of(cls, part: Part) -> "Cells":
         """Cells of the pieces of a part."""
-        from ..nets.trimming import shares_inside
+        from ..nets.part import shares_inside
 
         pieces, angles, areas, centres, whole = [], [], [], [], 0.0
         for k, (net, mask) in enumerate(part.pieces):
@@ -186,7 +186,7 @@ def figures_of(
 
 def _warp_deg(tool: "TriangleMesh", net: "Net") -> float:
     """Angle of the first warp thread to the x axis of the tool at the start."""
-    from ..nets.fibres_in_space import Axes
+    from ..surfaces.surface import Axes
 
     i, j = net.start
     x = net.positions

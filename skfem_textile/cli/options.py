@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cases.scenes import SCENES
-from . import words
+from ..declarations import words
 from .parser import COMMANDS
 
 #: Units of tool files.

@@ -12,12 +12,13 @@ from ..cases.schema import Output
 from ..mesh.checks import MeshError
 from ..mesh.requirements import is_installed, lacks
 from ..mesh.user_input import printable
-from ..nets.fibres_in_space import Axes, fibres_on_tool
+from ..nets.fibres_in_space import fibres_on_tool
 from ..nets.flat_pattern import FlatPattern, flat_pattern
 from ..nets.sheet import Sheet
 from ..scenes import Scene
 from ..solve.quantities import Quantity
 from ..solve.result import Result, StepError
+from ..surfaces.surface import Axes
 from ..surfaces.tool_mesh import ToolMesh
 from .curve import (
     ANGLE,

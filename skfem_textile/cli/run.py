@@ -16,8 +16,9 @@ from ..cases.build import built
 from ..cases.read import CaseFileError, declared, default_laws, read_tables
 from ..cases.schema import CaseFile
 from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
+from ..declarations.words import is_case_file
 from ..mesh.user_input import printable
-from ..scenes.case import Case
+from ..scenes.scene import Case
 from ..solve.interval import ErrorInterval
 from ..solve.quantities import first_rows
 from ..solve.result import Result, StepError
@@ -32,7 +33,6 @@ from .progress import load, log_to_stderr, shown
 from .report import REPORT
 from .result_folder import ResultFolder
 from .run_options import tables_of_options
-from .words import is_case_file
 
 if TYPE_CHECKING:
     from .curve import Curve

@@ -12,9 +12,9 @@ from ..cases.scenes import SCENES, Scene
 from ..cases.schema import CaseFile
 from ..cases.table import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
+from ..declarations import words
 from ..declarations.scenes import OnTool, Specimen
 from ..mesh.user_input import printable
-from . import words
 from .options import add_outputs
 from .output import say
 

@@ -2,9 +2,7 @@
 
 from .gaps import (
     SmallestGap as SmallestGap,
-    contacts as contacts,
     nodes_in_contact as nodes_in_contact,
-    pressing as pressing,
     smallest_gap as smallest_gap,
     tool_force as tool_force,
     tool_pressure as tool_pressure,
@@ -18,7 +16,10 @@ from .figures import (
     travel as travel,
     travels as travels,
 )
-from .holder import Holder as Holder
+from .holder import (
+    contacts as contacts,
+    pressing as pressing,
+)
 from .placed import (
     PlacedTool as PlacedTool,
     box_of as box_of,
@@ -30,4 +31,7 @@ from .shape import (
     draw_in as draw_in,
     fibre_curvature as fibre_curvature,
 )
-from .tool import Tool as Tool
+from .tool import (
+    Holder as Holder,
+    Tool as Tool,
+)

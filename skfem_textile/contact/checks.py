@@ -11,8 +11,8 @@ from numpy import ndarray
 from ..ply import Ply
 from ..solve.on_surface import SurfaceError
 from ..solve.problem import OPPOSITE
-from .gaps import Pressing, pressing
-from .tool import Obstacle, ToolContact, no_reach
+from .holder import Pressing, pressing
+from .obstacle import Obstacle, ToolContact, no_reach
 
 # Penetration relative to the size of the ply that is round-off, and most projections of
 # a point onto a tool, which are exact to first order.

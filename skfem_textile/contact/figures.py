@@ -11,18 +11,16 @@ from ..solve.quantities import Quantity
 from ..solve.result import Result
 from ..solve.states import State
 from .gaps import (
-    Pressing,
     SmallestGap,
-    contacts,
-    flat_thickness,
     nodes_in_contact,
-    pressing,
     smallest_gap,
     tool_force,
     tool_pressure,
     touching,
     turn_on_tool,
 )
+from .holder import Pressing, contacts, flat_thickness, pressing
+from .obstacle import ToolContact
 from .risks import (
     COARSE,
     most_compressed,
@@ -30,7 +28,6 @@ from .risks import (
     wrinkle_risk,
 )
 from .shape import areal_weight, draw_in, fibre_curvature
-from .tool import ToolContact
 
 # Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
 _RAYS = (0, 45, 90)

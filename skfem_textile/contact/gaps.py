@@ -1,37 +1,19 @@
 """Contact of a formed ply with its tools: gaps between nodes, pressure, fillets."""
 
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from ..ply import Ply
 from ..solve.states import State
-from .holder import HolderPressure
+from .holder import Pressing
+from .obstacle import ToolContact
 from .risks import largest_turn, pressure_of
-from .tool import ToolContact
-
-#: A tool, a holder that keeps a gap, or one that presses.
-Pressing: TypeAlias = ToolContact | HolderPressure
 
 # Share of the largest contact force below which a force is zero: the tolerance of
 # equilibrium.
 _NONE = 1e-8
-
-
-def contacts(ply: Ply) -> list[ToolContact]:
-    """Contacts of a ply with tools, and with holders that keep a gap."""
-    return [term for term in ply.terms if isinstance(term, ToolContact)]
-
-
-def pressing(ply: Ply) -> list[Pressing]:
-    """Contacts of a ply, and holders with a prescribed pressure."""
-    return [term for term in ply.terms if isinstance(term, Pressing)]
-
-
-def flat_thickness(ply: Ply) -> float:
-    """Thickness of the flat ply in mm: the largest stated by a tool, or 0."""
-    return max((tool.thickness for tool in contacts(ply)), default=0.0)
 
 
 class SmallestGap(NamedTuple):

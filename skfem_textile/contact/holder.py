@@ -1,27 +1,23 @@
-"""Holders, which press a ply on a surface."""
+"""Pressure of holders, and the contacts of a ply with tools and holders."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 from numpy import ndarray
-from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from skfem import CellBasis
 
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers
+from ..mesh.user_input import call_user_function, real_numbers
+from ..ply import Ply
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ElementTerm
-from ..solve.on_surface import CheckedSurface, in_axes_of_ply
-from ..surfaces.surface import Surface
-from .outline import shares_inside
-from .tool import (
-    Motion,
+from ..solve.on_surface import CheckedSurface
+from .obstacle import (
     Obstacle,
     ToolContact,
-    no_reach,
     nodal_matrix,
     placement,
 )
@@ -32,79 +28,6 @@ _CHECKED = 41
 
 #: A number, or a function of the load factor that returns one.
 Amount: TypeAlias = float | Callable[[float], float]
-
-
-@dataclass(frozen=True, eq=False)
-class Holder:
-    """Blank holder, which keeps a ply near a surface or presses it there.
-
-    Several holders with different outlines are the segments of one.
-
-    Parameters
-    ----------
-    surface
-        Surface towards which the holder presses, usually the flange of a die.
-    gap
-        Distance in mm between holder and surface; or a function of the load factor.
-    pressure
-        Pressure in N/mm² of undeformed area towards the surface, uniform over the part
-        of the ply within the outline; or a function of the load factor.  Either a gap
-        or a pressure is given.
-    motion, side, thickness, outline, name, stated
-        See `Tool`.
-
-    Examples
-    --------
-    A holder that presses with 0.01 N/mm² on the flange of a die above the ply, outside
-    a circle:
-
-    >>> import numpy as np
-    >>> from skfem_textile import Holder, drape
-    >>> t = np.linspace(0, 2 * np.pi, 41)
-    >>> ring = np.hstack([r * np.array([np.cos(t), np.sin(t)]) for r in (200, 90)])
-    >>> die = drape.Plane((0, 0, 0.15))
-    >>> holder = Holder(die, pressure=0.01, side=-1, outline=ring, name="holder")
-    """
-
-    surface: Surface
-    gap: Amount | None = None
-    pressure: Amount | None = None
-    motion: Motion | None = None
-    side: int | None = None
-    thickness: float = 0.0
-    outline: ArrayLike | None = None
-    name: str = "holder"
-    stated: Callable[[ndarray], ndarray] = in_axes_of_ply
-
-    def __post_init__(self) -> None:
-        keep_copies(self, "motion", "outline")
-
-    def on(self, basis: CellBasis) -> "ToolContact | HolderPressure":
-        """Term on a basis of the displacement.
-
-        Raises
-        ------
-        ValueError
-            See `Tool.on`; also if not exactly one of gap and pressure is given, or it
-            is negative, or no part of the ply is within the outline.
-        """
-        what = f"holder {self.name!r}"
-        if (self.gap is None) == (self.pressure is None):
-            raise ValueError(f"{what}: specify either a gap or a pressure")
-        if self.gap is None:
-            pressure = _amount(f"{what}: pressure", self.pressure, 0.0, "N/mm2")
-            obstacle = Obstacle.of(self, basis, no_reach)
-            term: ToolContact | HolderPressure
-            term = HolderPressure(self.name, pressure, obstacle, basis)
-        else:
-            reach = _amount(f"{what}: gap", self.gap, self.thickness, "mm")
-            term = ToolContact(self.name, Obstacle.of(self, basis, reach), basis)
-        if not any(term.reaches(basis.zeros(), t) for t in (0.0, 1.0)):
-            raise ValueError(
-                f"{what}: no part of the undeformed ply is within its edges or "
-                "outline: check the positions and units of holder and ply"
-            )
-        return term
 
 
 class _PressedAreas(TermParameters):
@@ -132,6 +55,8 @@ class _PressedAreas(TermParameters):
         obstacle, areas = self._obstacle, self._integrals
         x = obstacle.X + u.reshape(-1, 3).T
         if self._outline is not None:
+            from .outline import shares_inside
+
             rotation, translation = placement(obstacle.what, obstacle.motion, t)
             local = rotation.T @ (x - translation[:, None])
             corners = local[:2, : self._mesh.nvertices]
@@ -214,7 +139,7 @@ class HolderPressure(ElementTerm):
         return nodes, factors, rotation, rotation.T @ (x - translation[:, None])
 
 
-def _amount(
+def function_of(
     what: str, amount: Amount | None, least: float, unit: str
 ) -> Callable[[float], float]:
     """Function of the load factor, validated at each of its values."""
@@ -235,3 +160,22 @@ def _amount_at(
             f"at load factor {t:g}"
         )
     return float(number)
+
+
+#: A tool, a holder that keeps a gap, or one that presses.
+Pressing: TypeAlias = ToolContact | HolderPressure
+
+
+def contacts(ply: Ply) -> list[ToolContact]:
+    """Contacts of a ply with tools, and with holders that keep a gap."""
+    return [term for term in ply.terms if isinstance(term, ToolContact)]
+
+
+def pressing(ply: Ply) -> list[Pressing]:
+    """Contacts of a ply, and holders with a prescribed pressure."""
+    return [term for term in ply.terms if isinstance(term, Pressing)]
+
+
+def flat_thickness(ply: Ply) -> float:
+    """Thickness of the flat ply in mm: the largest stated by a tool, or 0."""
+    return max((tool.thickness for tool in contacts(ply)), default=0.0)

@@ -10,9 +10,9 @@ from ..ply import Ply
 from ..solve.states import State
 from ..surfaces.surface import Surface
 from ..surfaces.tool_mesh import triangles_within
-from .gaps import contacts
+from .holder import contacts
+from .obstacle import ToolContact, placement
 from .outline import inside, nearest
-from .tool import ToolContact, placement
 
 # Chosen by eye: margin around a ply relative to the diagonal of its box, and number of
 # cubes along the longest side of the box in which surfaces are triangulated.

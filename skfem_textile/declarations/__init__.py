@@ -6,10 +6,14 @@ the options of the command line and the reference of all keys are derived from t
 These modules import neither NumPy nor scikit-fem, so that a help text does not either.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, field
 from math import radians
-from typing import Any, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, dataclass_transform
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+    from numpy.typing import ArrayLike
 
 _T = TypeVar("_T")
 
@@ -119,3 +123,199 @@ def declaration(
         return dataclass(frozen=True, kw_only=kw_only, eq=eq)(kind)
 
     return decorated
+
+
+_STIFFNESS = "stiffness E or G"
+
+
+@declaration()
+class OneStiffness:
+    """A law with one parameter, as in `fabric.law`, which needs no declarations."""
+
+    stiffness: "float | ndarray" = key(_STIFFNESS, unit="N_per_mm", kind=float)
+
+
+@declaration("fabric.law")
+class Linear(OneStiffness):
+    """M_s = G gamma, or T = E eps"""
+
+
+@declaration("fabric.laws.shear")
+class Sin2(OneStiffness):
+    """w = G sin^2 gamma / 2"""
+
+
+@declaration("fabric.laws.shear")
+class Locking:
+    """M_s = G gamma / (1 - (gamma/a)^2)"""
+
+    stiffness: float = key(_STIFFNESS, unit="N_per_mm")
+    angle: float = deg(
+        "angle a of the pole of the law", name="locking_angle", limits=(0, 90)
+    )
+
+
+@declaration("fabric.laws.tension")
+class CrimpToe:
+    """T = E (eps - e0 (1 - exp(-eps/e0))) + k eps, k eps in compression"""
+
+    stiffness: float = key(_STIFFNESS, unit="N_per_mm")
+    toe: float = key("strain e0")
+    initial_stiffness: float = key(
+        "stiffness k at rest and in compression", unit="N_per_mm"
+    )
+
+
+#: Words of a law that is given for arguments of both signs, or continued.
+CONTINUATION = "none", "odd"
+
+#: Meaning of these words.
+ABOUT_CONTINUATION = (
+    "none; odd: the law is given for arguments >= 0 and continued as an odd function"
+)
+
+
+@declaration("fabric.laws.polynomial")
+class Polynomial:
+    """M_s = c1 s + c2 s^2 + ..., s = gamma or sin gamma"""
+
+    coefficients: Sequence[float] = key(
+        "c1, c2, ...", unit="N_per_mm", kind=tuple[float, ...]
+    )
+    sine: bool = key(
+        "s: the angle in radians or its sine",
+        default=False,
+        name="variable",
+        words=("angle", "sine"),
+    )
+    odd: bool = key(
+        ABOUT_CONTINUATION, default=False, name="continuation", words=CONTINUATION
+    )
+
+
+_C_S = (
+    "stabilisation stiffness C_s, or auto: computed from shear stiffness, tension and "
+    "fibre angle of each element; 1e-4 E without shear stiffness"
+)
+
+Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
+
+
+@declaration("ply.formulations")
+class Macro:
+    """macro-elements, without parameters"""
+
+    stabilisation: float | Literal["auto"] = key(
+        _C_S, default="auto", unit="N_per_mm", name="cs"
+    )
+    deviation: tuple[float, float] = (370.0, 700.0)
+
+
+@declaration("ply.formulations")
+class OnePoint:
+    """one stabilised point in every quadrilateral (Hamila & Boisse 2013)"""
+
+    stabilisation: float | Literal["auto"] = key(
+        _C_S, default="auto", unit="N_per_mm", name="cs"
+    )
+    kind: Kind = key(
+        "energy: independent of the load path; rate: in rate form, as published; "
+        "continuity: penalty on jumps between elements; isotropic: penalty on "
+        "hourglass modes in all directions. All except energy require a number for "
+        "C_s",
+        default="energy",
+        name="stabilisation",
+    )
+
+
+@declaration("ply.formulations")
+class Full:
+    """2x2 points in every quadrilateral"""
+
+
+@declaration("ply.formulations")
+class Quadratic:
+    """quadratic triangles; quadrilaterals are cut along a diagonal"""
+
+    deviation: float | None = key(
+        "if given, the law is evaluated at the mean stretch, and deviations from "
+        "it have a stiffness of this multiple of shear stiffness and tension (400 "
+        "with 6 points on graded meshes, 80 on others)",
+        default=None,
+    )
+    points: int = key(
+        "number of integration points of a triangle", default=3, kind=Literal[3, 6]
+    )
+
+
+if TYPE_CHECKING:
+    Vector: TypeAlias = ArrayLike
+else:
+    Vector = tuple[float, float, float]
+
+_ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+
+@declaration("surfaces.analytic", eq=False)
+class Plane:
+    """plane"""
+
+    point: Vector = mm("point of the surface or of its axis", default=_ORIGIN)
+    normal: Vector = key("normal of any length", default=_UP)
+
+
+@declaration("surfaces.analytic", eq=False)
+class Sphere:
+    """sphere"""
+
+    radius: float = mm("radius")
+    centre: Vector = mm("centre of the sphere", default=_ORIGIN, in_file=REQUIRED)
+
+
+@declaration("surfaces.analytic", eq=False)
+class Cylinder:
+    """cylinder"""
+
+    radius: float = mm("radius")
+    point: Vector = mm(
+        "point of the surface or of its axis", default=_ORIGIN, in_file=REQUIRED
+    )
+    axis: Vector = key("direction of the axis", default=(0.0, 1.0, 0.0))
+
+
+@declaration("surfaces.analytic", eq=False)
+class Cone:
+    """cone"""
+
+    angle: float = deg("angle between axis and surface")
+    point: Vector = mm("apex", default=_ORIGIN, in_file=REQUIRED)
+    axis: Vector = key("direction from the apex into the cone", default=_UP)
+
+
+@declaration("surfaces.analytic", eq=False)
+class Torus:
+    """torus"""
+
+    radius: float = mm("radius of the centre line of the tube")
+    tube: float = mm("radius of the tube")
+    point: Vector = mm("centre", default=_ORIGIN, in_file=REQUIRED)
+    axis: Vector = key("direction of the axis", default=_UP)
+
+
+@declaration("surfaces.punch_and_die", eq=False)
+class Punch:
+    """shaft with a hemispherical end"""
+
+    radius: float = mm("radius of the shaft and of the hemisphere")
+    point: Vector = mm("centre of the hemisphere", default=_ORIGIN, in_file=REQUIRED)
+    axis: Vector = key("direction from the shaft to the tip", default=_UP)
+
+
+@declaration("surfaces.punch_and_die", eq=False)
+class Die:
+    """plane with a round hole and a fillet"""
+
+    radius: float = mm("radius of the hole")
+    fillet: float = mm("radius of the fillet")
+    point: Vector = mm("centre of the hole in the plane", default=_ORIGIN)
+    axis: Vector = key("direction from the plane into the hole", default=_UP)

@@ -1,6 +1,6 @@
 """Public names, which the package imports on first use."""
 
-from .corners import (
+from .in_plane import (
     corner_resistance as corner_resistance,
 )
 from .form import (
@@ -12,11 +12,11 @@ from .hourglass import (
     isotropic_hourglass as isotropic_hourglass,
     out_of_plane as out_of_plane,
 )
-from .shear import (
+from .in_plane import (
     shear as shear,
     shear_continuity as shear_continuity,
 )
-from .tension import (
+from .in_plane import (
     mean_tension as mean_tension,
     tension as tension,
 )

@@ -30,13 +30,12 @@ plane of symmetry ∂u/∂n = 0 for the even components.  At free ends the slope
 from the adjacent triangle.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from numpy.typing import ArrayLike
 from scipy.sparse import block_diag, csr_matrix, diags, hstack, identity, kron
 from skfem import (
     AbstractBasis,
@@ -53,6 +52,7 @@ from skfem import (
 from skfem.helpers import dot, grad
 
 from ..mesh.bases import components
+from ..mesh.selection import FIBRE_ENDS, FibreEnd
 
 # Angle in radians between fibres and a boundary below which they are taken as parallel.
 # A larger value would ignore the slope of crossing fibres; a smaller one would mistake
@@ -388,20 +388,6 @@ def _held(
     off = hstack([at_points, -kron(turned, np.ones((n_points, 1)))])
     least = 3 * basis.dx.sum(axis=1) / area[basis.tind] * D[basis.tind]
     return off.T @ diags((_JUMPS * least[:, None] * basis.dx).ravel()) @ off
-
-
-#: Rotating clamp: function of the load factor that returns the rotation vector in space
-#: (axis times angle in radians), or the angle in the plane.
-Turning: TypeAlias = Callable[[float], ArrayLike]
-
-#: Names of the boundary conditions of fibre ends.
-EndName: TypeAlias = Literal["clamped", "mirror"]
-
-#: Boundary condition of fibre ends: fixed initial direction, plane of symmetry, or
-#: rotating clamp.  Other fibre ends are hinged.
-FibreEnd: TypeAlias = EndName | Turning
-
-FIBRE_ENDS: tuple[str, ...] = get_args(EndName)
 
 
 def bending_matrix(

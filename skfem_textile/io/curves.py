@@ -133,8 +133,8 @@ def _columns(file: str, header: list[str]) -> tuple[list[int], ndarray]:
 
 def _of_dxf(path: str | os.PathLike[str]) -> ndarray:
     """Points of the only visible curve of a DXF file in mm, shape (n, 3)."""
-    from ..outlines.drawings import curves_of_dxf
-    from ..outlines.drawings.rings import JOINED
+    from ..outlines.drawings.dxf import curves_of_dxf
+    from ..outlines.rings import JOINED
 
     curves = curves_of_dxf(path, _TOLERANCE, in_space=True)
     parts = [curve.points.T for curve in curves]

@@ -14,14 +14,13 @@ from ..fabric.directions import FibreDirections
 from ..mesh.requirements import require
 from ..mesh.user_input import printable
 from ..nets.fibres_in_space import (
-    SAME_AXES,
-    Axes,
     FibresInSpace,
     fibres_on_ply,
 )
 from ..nets.flat_pattern import FlatPattern, SeamLine
 from ..nets.sheet import Pieces, Sheet
 from ..solve.result import Result
+from ..surfaces.surface import SAME_AXES, Axes
 from ..surfaces.tool_mesh import ToolMesh
 from .abaqus import deck_of
 from .directions import write_directions

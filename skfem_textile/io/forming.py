@@ -14,12 +14,12 @@ from ..contact import (
     pressing,
     tool_pressure,
 )
-from ..contact.gaps import flat_thickness
+from ..contact.holder import flat_thickness
 from ..contact.risks import wrinkle_risk
-from ..nets.fibres_in_space import Axes
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
+from ..surfaces.surface import Axes
 from .vtk import write_grid, write_series
 
 

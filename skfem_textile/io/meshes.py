@@ -19,8 +19,8 @@ from ..mesh.checks import (
     refuse_metres,
     refuse_positions,
 )
-from ..mesh.other_packages import without_messages
 from ..mesh.progress import shown
+from ..mesh.requirements import without_messages
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import with_named_nodes
 from ..mesh.splitting import boundary_edges, named_edges, split_cells

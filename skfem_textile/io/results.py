@@ -20,13 +20,12 @@ from ..contact.risks import (
     wrinkle_risk,
 )
 from ..forms.fields import FabricOnBasis
-from ..nets.fibres_in_space import SAME_AXES, Axes
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from ..ply.terms import ContactTerm
 from ..solve.result import Result
 from ..solve.states import State
-from ..surfaces.surface import Surface
+from ..surfaces.surface import SAME_AXES, Axes, Surface
 from .file_numbers import word_of
 from .vtk import write_grid, write_series
 

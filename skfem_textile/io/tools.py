@@ -12,8 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.other_packages import without_messages
-from ..mesh.requirements import lacks
+from ..mesh.requirements import lacks, without_messages
 from ..mesh.user_input import IN_MM, printable, refuse_unit
 from ..surfaces.tool_mesh import ToolMesh, cut_in_two
 from ..surfaces.triangle_mesh import TriangleMesh

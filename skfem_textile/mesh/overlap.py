@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from .graph import components
+from .pattern import components
 
 # Share of the shorter edge below which nodes coincide.  Chosen: above the rounding of
 # coordinates with seven digits.

@@ -1,5 +1,10 @@
-"""Packages that only some abilities require, and the extras that install them."""
+"""Packages that only some abilities require: their extras and their messages."""
 
+import contextlib
+import io
+import logging
+import warnings
+from collections.abc import Iterator
 from importlib.util import find_spec
 
 
@@ -36,3 +41,23 @@ def lacks(ability: str, extra: str, *packages: str) -> str:
         f"{ability} requires {', '.join(packages)}: pip install "
         f"'skfem-textile[{extra}]'"
     )
+
+
+@contextlib.contextmanager
+def without_messages() -> Iterator[None]:
+    """Omit what other packages print, their warnings and log messages."""
+    import numpy as np
+
+    printed, disabled = io.StringIO(), logging.root.manager.disable
+    logging.disable()
+    try:
+        with (
+            contextlib.redirect_stdout(printed),
+            contextlib.redirect_stderr(printed),
+            warnings.catch_warnings(),
+            np.errstate(all="ignore"),
+        ):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(disabled)

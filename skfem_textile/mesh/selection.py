@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar, get_args
 
 import numpy as np
 from numpy import ndarray
@@ -14,6 +14,19 @@ from .user_input import call_user_function
 
 #: Name of the interior edges of a mesh along fibres at which the shear angle may jump.
 SINGULAR = "singular fibres"
+
+#: Rotating clamp: function of the load factor that returns the rotation vector in space
+#: (axis times angle in radians), or the angle in the plane.
+Turning: TypeAlias = Callable[[float], ArrayLike]
+
+#: Names of the boundary conditions of fibre ends.
+EndName: TypeAlias = Literal["clamped", "mirror"]
+
+#: Boundary condition of fibre ends: fixed initial direction, plane of symmetry, or
+#: rotating clamp.  Other fibre ends are hinged.
+FibreEnd: TypeAlias = EndName | Turning
+
+FIBRE_ENDS: tuple[str, ...] = get_args(EndName)
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 

@@ -21,7 +21,7 @@ from .flat_pattern import (
     spaced_curve,
 )
 from .laying import Status
-from .trimming import shares_inside
+from .part import shares_inside
 
 # Longest end of an edge that the net does not cover, relative to a cell, and number of
 # points for the slope at an end.

@@ -14,14 +14,12 @@ import numpy as np
 from numpy import ndarray
 
 from ..surfaces.analytic import positive_length
-from ..surfaces.gauss_curvature import GaussCurvature
 from ..surfaces.surface import onto
-from ..surfaces.triangle_mesh import TriangleMesh
+from ..surfaces.triangle_mesh import GaussCurvature, TriangleMesh
 from .crossings import Net
 from .kinematic_net import net, nets_at_seams
 from .laying import Status
-from .seam_path import seam_from
-from .seams import Seam, Seams
+from .seams import Seam, Seams, seam_from
 from .sheet import Sheet
 
 # Maximum number of rounds in which darts are added where the net still locks.

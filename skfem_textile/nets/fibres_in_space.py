@@ -1,7 +1,6 @@
 """Fibres of a draped ply: in the elements of a tool mesh, or in its own elements."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -10,54 +9,9 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import real_numbers
 from ..ply import Ply
 from ..surfaces.analytic import positive_length
-from ..surfaces.surface import Surface, tangents
 from ..surfaces.tool_mesh import ToolMesh
 from ..surfaces.triangles import unit
 from .sheet import REACH, Sheet
-
-# Inclination of a plane to the plane normal to x below which the projection of x onto
-# it is not used, 1°.
-_ACROSS = 0.0175
-
-
-class Axes(NamedTuple):
-    """Coordinate axes of a ply relative to its tool.
-
-    Parameters
-    ----------
-    origin
-        Origin of the ply in mm, shape (3,).
-    turn
-        Directions of x, y and z of the ply, columns of shape (3, 3).
-    """
-
-    origin: ndarray = np.zeros(3)
-    turn: ndarray = np.eye(3)
-
-    @classmethod
-    def at(cls, surface: Surface, point: ndarray) -> "Axes":
-        """Axes of a ply that touches a surface at a point, shape (3,).
-
-        z is the normal, and x is the projection of the tool's x onto the tangent plane.
-        If the normal is along x, to 1°, the tool's z is used instead of its x.
-        """
-        normal = surface.gradient(point[:, None])[:, 0]
-        across = np.hypot(*normal[1:]) <= _ACROSS * abs(normal[0])
-        plane = tangents(surface, point, (0.0, 0.0, 1.0) if across else (1.0, 0.0, 0.0))
-        return cls(point, np.column_stack([plane, np.cross(*plane.T)]))
-
-    def of_tool(self, x: ndarray) -> ndarray:
-        """Convert points from ply axes to tool axes, shape (3, n)."""
-        return self.origin[:, None] + self.turn @ x
-
-    def of_ply(self, x: ndarray) -> ndarray:
-        """Convert points from tool axes to ply axes, shape (3, n)."""
-        return self.turn.T @ (x - self.origin[:, None])
-
-
-#: Axes of a ply that coincide with the axes of its tool.
-SAME_AXES = Axes()
-
 
 # Angle in degrees between an axis and the normal of an element below which another axis
 # is used, as in Abaqus (Analysis User's Guide, "Conventions").

@@ -7,7 +7,7 @@ play no role: the first two threads determine the whole net.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -16,10 +16,7 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import real_numbers
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import Surface, onto, tangents
-from ..surfaces.triangle_mesh import TriangleMesh
-from .corners import filled_at_seams, with_corners
 from .crossings import Net, up_to
-from .guide_curve import GuideCurve
 from .laying import (
     FOLDED,
     QUADRANTS,
@@ -28,7 +25,11 @@ from .laying import (
     Status,
     lay,
 )
-from .seams import Seams
+
+if TYPE_CHECKING:
+    from ..surfaces.triangle_mesh import TriangleMesh
+    from .guide_curve import GuideCurve
+    from .seams import Seams
 
 # Distance beyond the edges of a tool, relative to the cell, up to which a cell starts.
 # A corner of the tool inside a square cell is at most 0.71 cells from its crossings.
@@ -128,9 +129,7 @@ def net(
     (laid,) = _laid(surface, [start], cell, limits, masks, past_edges)
     counts = [n if n is None else _counts("", n) for n in (warp, weft)]
     joined = _joined(laid, cell, flat, np.array(touch, dtype=float), counts)
-    if past_edges or not isinstance(surface, TriangleMesh):
-        return joined
-    return with_corners(surface, joined, _MARGIN * cell)
+    return joined if past_edges else _with_corners(surface, cell, joined)
 
 
 def nets(
@@ -170,15 +169,13 @@ def nets(
     limits = _limits(surface, cell, (None, None), False)
     laid = _laid(surface, found, cell, limits, None, False)
     joined = [_joined(of, cell, flat, np.zeros(2), (None, None)) for of in laid]
-    if not isinstance(surface, TriangleMesh):
-        return joined
-    return [with_corners(surface, of, _MARGIN * cell) for of in joined]
+    return [_with_corners(surface, cell, of) for of in joined]
 
 
 def nets_at_seams(
-    tool: TriangleMesh,
+    tool: "TriangleMesh",
     cell: float,
-    seams: Seams,
+    seams: "Seams",
     locking_angle: float,
     *,
     point: ArrayLike = (0.0, 0.0, 0.0),
@@ -200,12 +197,23 @@ def nets_at_seams(
     point, first, angles, warp_along, weft_along
         See `net`.
     """
+    from .corners import filled_at_seams
+
     flat = _flat(angles)
     start = start_of(tool, cell, point, first, flat, (warp_along, weft_along))
     limits = _limits(tool, cell, (None, None), False)
     (laid,) = _laid(tool, [start], cell, limits, None, False, seams)
     joined = _joined(laid, cell, flat, np.zeros(2), (None, None))
     return filled_at_seams(tool, joined, _MARGIN * cell, seams, locking_angle)
+
+
+def _with_corners(surface: Any, cell: float, net: Net) -> Net:
+    """Net with the cells at the corners of a tool, if the surface has triangles."""
+    if not hasattr(surface, "facets"):
+        return net
+    from .corners import with_corners
+
+    return with_corners(surface, net, _MARGIN * cell)
 
 
 def _flat(angles: tuple[float, float]) -> ndarray:
@@ -225,7 +233,7 @@ def start_of(
     along: tuple[ArrayLike | None, ArrayLike | None],
 ) -> Start:
     """Start of a net on a surface, and on the curves of its first threads."""
-    curves = [c if c is None else GuideCurve(np.asarray(c)) for c in along]
+    curves = [_guide(c) for c in along]
     place = real_numbers("net: point", point)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise ValueError(f"net: the start must be three finite numbers, got {point!r}")
@@ -261,6 +269,15 @@ def start_of(
             "that cross"
         )
     return Start(start, directions, (curves[0], curves[1]))
+
+
+def _guide(along: ArrayLike | None) -> "GuideCurve | None":
+    """Curve of a first thread, if there is one."""
+    if along is None:
+        return None
+    from .guide_curve import GuideCurve
+
+    return GuideCurve(np.asarray(along))
 
 
 def _limits(
@@ -317,7 +334,7 @@ def _laid(
     limits: ndarray,
     masks: list[ndarray] | None,
     past_edges: bool,
-    seams: Seams | None = None,
+    seams: "Seams | None" = None,
 ) -> list[list[Quadrant]]:
     """Quadrants of nets from starts on a surface."""
     beyond = None if past_edges else getattr(surface, "beyond_edges", None)

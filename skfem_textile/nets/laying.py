@@ -9,14 +9,17 @@ continues as a geodesic.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.bases import cross
 from ..surfaces.surface import Surface
-from .guide_curve import GuideCurve
-from .seams import Seams
+
+if TYPE_CHECKING:
+    from .guide_curve import GuideCurve
+    from .seams import Seams
 
 # Maximum number of Newton iterations for a crossing, and last step relative to the
 # cell.  Chosen: convergence is quadratic, so that the error after this step is below
@@ -71,7 +74,7 @@ class Start:
 
     point: ndarray
     directions: ndarray
-    guides: tuple[GuideCurve | None, GuideCurve | None] = (None, None)
+    guides: "tuple[GuideCurve | None, GuideCurve | None]" = (None, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +146,7 @@ def lay(
     cell: float,
     wanted: Wants,
     on_tool: OnTool,
-    seams: Seams | None = None,
+    seams: "Seams | None" = None,
 ) -> list[list[Quadrant]]:
     """Lay nets from several starts at once.
 
@@ -188,7 +191,7 @@ class _Front:
         cell: float,
         wanted: Wants,
         on_tool: OnTool,
-        seams: Seams | None,
+        seams: "Seams | None",
     ) -> None:
         self._surface, self._cell = surface, cell
         self._wanted, self._on_tool, self._seams = wanted, on_tool, seams

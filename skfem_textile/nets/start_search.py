@@ -9,10 +9,9 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..surfaces.analytic import positive_length
-from ..surfaces.surface import OffSurfaceError, onto
+from ..surfaces.surface import Axes, OffSurfaceError, onto
 from ..surfaces.triangle_mesh import TriangleMesh
 from .crossings import Net
-from .fibres_in_space import Axes
 from .kinematic_net import NetStart, nets
 
 #: Measure of the shear over a part.

@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 from shapely.geometry.polygon import orient
 
 from ..fabric import Fabric, unit_vectors
-from .outline import NEAR, Outline, place
+from .outline import Outline
+from .rings import NEAR, place
 
 #: Turn in radians from which a corner counts as one; a smaller one approximates a
 #: curve.  Chosen: a circle of 18 corners turns by 0.349.

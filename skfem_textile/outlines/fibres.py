@@ -24,7 +24,8 @@ from .cells import (
     cross,
     lines_between,
 )
-from .outline import NEAR, Outline, place
+from .outline import Outline
+from .rings import NEAR, place
 from .seeds import Seed, boundary_of, seeds_of_corners
 
 #: Maximum number of lines.

@@ -14,8 +14,8 @@ import numpy as np
 from numpy import ndarray
 from scipy.integrate import cumulative_trapezoid
 
-from ..mesh.graph import components
-from .outline import NEAR
+from ..mesh.pattern import components
+from .rings import NEAR
 
 log = logging.getLogger(__name__)
 

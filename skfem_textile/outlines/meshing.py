@@ -19,12 +19,8 @@ from ..solve.conditions import Conditions
 from .fibres import SingularFibre, SingularFibres, singular_fibres
 from .lines import Lines, even, graded
 from .net import cut_cells, net
-from .outline import (
-    NEAR,
-    REST,
-    Outline,
-    place,
-)
+from .outline import REST, Outline
+from .rings import NEAR, place
 from .triangles import triangles
 
 log = logging.getLogger(__name__)

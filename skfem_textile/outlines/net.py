@@ -12,7 +12,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from .lines import Lines, nearest
-from .outline import NEAR
+from .rings import NEAR
 
 # Edges shorter than this share of a cell are collapsed.  Chosen: it bounds the
 # distortion of the neighbours.

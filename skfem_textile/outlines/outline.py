@@ -9,18 +9,22 @@ import numpy as np
 import shapely
 from numpy import ndarray
 from numpy.typing import ArrayLike
-from shapely.validation import explain_validity
 from skfem import Mesh
 
 from ..mesh.selection import named_nodes
 from ..mesh.user_input import printable, real_numbers
+from .rings import (
+    NEAR,
+    Ring,
+    Segment,
+    place,
+    rings_of_curves,
+    rings_of_segments,
+    valid_ring,
+)
 
 if TYPE_CHECKING:
-    from .drawings import Curve, Ring
-
-#: Distance relative to the size of an outline below which points coincide.  Chosen: far
-#: above rounding (2e-16), far below practical edges.
-NEAR = 1e-9
+    from .drawings.curves import Curve
 
 #: Name of the elements of a mesh outside of the regions of its outline.
 REST = "rest"
@@ -246,8 +250,6 @@ class Outline:
         >>> outline.polygon.shape, outline.edge_names
         ((2, 4), [['bottom', 'right', 'top', 'left']])
         """
-        from .drawings.rings import Segment, rings_of_segments
-
         boundary = mesh.boundary_facets()
         names = {n: np.asarray(e, int) for n, e in (mesh.boundaries or {}).items()}
         named = [(name, np.isin(boundary, edges)) for name, edges in names.items()]
@@ -298,7 +300,7 @@ class Outline:
         ValueError
             If the file cannot be read, or its lines do not form one outline.
         """
-        from .drawings import curves_of_dxf
+        from .drawings.dxf import curves_of_dxf
 
         curves = curves_of_dxf(path, tolerance, unit, layer)
         return cls._of_curves(curves, printable(path), tolerance, more)
@@ -336,7 +338,7 @@ class Outline:
             If the file cannot be read, a visible element is not supported, or the lines
             do not form one outline.
         """
-        from .drawings import curves_of_svg
+        from .drawings.svg import curves_of_svg
 
         curves = curves_of_svg(path, tolerance, unit, layer)
         return cls._of_curves(curves, printable(path), tolerance, more)
@@ -349,12 +351,10 @@ class Outline:
         tolerance: float,
         more: Mapping[str, Any],
     ) -> Self:
-        from .drawings import rings_of_curves
-
         return cls._of_rings(rings_of_curves(curves, what, tolerance), more)
 
     @classmethod
-    def _of_rings(cls, rings: Sequence["Ring"], more: Mapping[str, Any]) -> Self:
+    def _of_rings(cls, rings: Sequence[Ring], more: Mapping[str, Any]) -> Self:
         """Outline of rings with names, the outer one first."""
         edges: dict[str, list[tuple[int, list[int]]]] = {}
         for r, ring in enumerate(rings):
@@ -365,58 +365,14 @@ class Outline:
         return cls(corners[0], corners[1:], edges, **more)
 
 
-def place(point: Any) -> str:
-    """Position as text, of a point of shapely or an array of shape (2,)."""
-    x, y = point.coords[0] if hasattr(point, "coords") else point
-    return f"({x + 0.0:.6g}, {y + 0.0:.6g})"
-
-
 def signed_area(ring: ndarray) -> float:
     """Area of a polygon with corners (2, n), positive if they run anticlockwise."""
     x, y = ring - ring[:, :1]
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-def refuse_not_finite(what: str, p: ndarray) -> None:
-    """Refuse corners, shape (2, n), that are not finite or cannot be squared."""
-    bad = ~(np.abs(p) < 1e100).all(axis=0)  # their squares do not overflow
-    if bad.any():
-        raise ValueError(f"{what}: corner {bad.argmax()} is not finite, or too large")
-
-
 def _hole(i: int, n: int) -> str:
     return "hole" if n == 1 else f"hole {i + 1}"
-
-
-def valid_ring(what: str, corners: ArrayLike) -> ndarray:
-    """Corners of a valid polygon, without the repetition of the first at the end."""
-    ring = real_numbers(what, corners)
-    if ring.ndim != 2 or ring.shape[0] != 2 or ring.shape[1] < 3:
-        raise ValueError(f"{what} must have the shape (2, n), n >= 3, not {ring.shape}")
-    refuse_not_finite(what, ring)
-    if (ring[:, 0] == ring[:, -1]).all():
-        ring = ring[:, :-1]
-    size = np.hypot(*np.ptp(ring, axis=1))
-    short = np.hypot(*(np.roll(ring, -1, axis=1) - ring)) <= NEAR * size
-    if short.any():
-        raise ValueError(
-            f"{what} has coincident corners at {place(ring[:, short.argmax()])}"
-        )
-    if ring.shape[1] < 3 or _width(ring) <= NEAR * size:
-        raise ValueError(f"{what} has no area, at {place(ring[:, 0])}")
-    polygon = shapely.Polygon(ring.T)
-    if not polygon.is_valid:
-        where = explain_validity(polygon).partition("[")[2].rstrip("]").split()
-        raise ValueError(
-            f"{what} crosses or touches itself at {place(np.array(where, float))}"
-        )
-    return ring
-
-
-def _width(ring: ndarray) -> float:
-    """Extent of corners across their main direction, about."""
-    centred = ring - ring.mean(axis=1, keepdims=True)
-    return float(np.linalg.svd(centred, compute_uv=False)[1])
 
 
 def _pairs(name: str, edges: Edges) -> list[tuple[int, ndarray]]:

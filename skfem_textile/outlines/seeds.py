@@ -19,7 +19,8 @@ from ..ply.loads import (
 from ..solve.conditions import Condition, Conditions
 from ..solve.on_surface import OnSurface
 from .cells import CORNER, Cell
-from .outline import NEAR, Outline, place
+from .outline import Outline
+from .rings import NEAR, place
 
 # Intervals of each edge between whose ends functions of position are evaluated.
 _INTERVALS = 256

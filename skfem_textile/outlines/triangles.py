@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import Delaunay, KDTree
 
 from .cells import CORNER
-from .outline import place
+from .rings import place
 
 # Distance relative to the extent below which points coincide.  Chosen: far above the
 # error of curved fibres on the outline (1e-9).

@@ -13,7 +13,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix, identity
 from scipy.sparse.linalg import spsolve
 
-from ..mesh.graph import components
+from ..mesh.pattern import components
 from ..mesh.splitting import edges_of
 from ..surfaces.tool_mesh import cut_in_two
 

@@ -8,9 +8,9 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..nets.fibres_in_space import Axes
 from ..nets.sheet import Pieces, Sheet
 from ..nets.start_search import BestStart
+from ..surfaces.surface import Axes
 from ..surfaces.triangle_mesh import TriangleMesh
 from .drawing import draw
 from .fibre_lines import Fibres

@@ -11,10 +11,10 @@ from scipy.sparse import csr_matrix
 from skfem import CellBasis, Mesh, asm
 
 from ..fabric import Fabric
-from ..forms.bending import FIBRE_ENDS, FibreEnd, Turning, bending_matrix, twist_matrix
-from ..forms.corners import RESISTING, corner_resistance
+from ..forms.in_plane import RESISTING, corner_resistance
 from ..forms.kernels.kernel import node_pair_blocks
 from ..mesh.bases import CornerBasis, Corners, components
+from ..mesh.selection import FIBRE_ENDS, FibreEnd, Turning
 from ..mesh.user_input import call_user_function, real_numbers, shortened
 from .parameters import NO_VALUES, Values
 from .terms import ElementTerm, MatrixTerm
@@ -137,6 +137,8 @@ def bending_term(
     Directions are evaluated at the mean of the nodes of each element.  ``ends`` are the
     fibre ends by boundary name.
     """
+    from ..forms.bending import bending_matrix, twist_matrix
+
     mesh = basis.mesh
     centres = mesh.p[:, mesh.t].mean(axis=1)[:, :, None]
     warp, weft = (

@@ -9,10 +9,10 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, ElementQuad1, ElementTriP1, Mesh
 
+from .. import declarations as declared
 from .. import forms
-from ..declarations import formulations as declared
 from ..fabric import Fabric
-from ..forms.kernels.out_of_plane import OutOfPlaneKernel
+from ..forms.kernels.kernel import OutOfPlaneKernel
 from ..mesh.bases import (
     CENTRE,
     GAUSS,

@@ -12,11 +12,11 @@ from .. import forms
 from ..fabric import Fabric, is_zero
 from ..fabric.law_check import check_laws
 from ..fabric.regions import fabric_of_regions, fabric_on
-from ..forms.bending import FibreEnd
 from ..forms.form import directions
 from ..mesh.bases import Corners, components, node_positions
 from ..mesh.progress import shown
 from ..mesh.scikit_fem import FormExtraParams
+from ..mesh.selection import FibreEnd
 from ..mesh.splitting import hat_functions, original_elements
 from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT

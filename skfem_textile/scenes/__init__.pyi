@@ -3,7 +3,7 @@
 from .bias_extension import (
     bias_extension as bias_extension,
 )
-from .case import (
+from .scene import (
     Case as Case,
 )
 from .drape import (

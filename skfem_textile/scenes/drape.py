@@ -13,11 +13,10 @@ from skfem import Mesh
 
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
-from ..mesh.graph import components
 from ..mesh.overlap import signed_areas
+from ..mesh.pattern import components
 from ..nets.crossings import Net
-from ..nets.fibres_in_space import Axes
-from ..surfaces.surface import OffSurfaceError, onto
+from ..surfaces.surface import Axes, OffSurfaceError, onto
 from ..surfaces.tool_mesh import ToolMesh
 from ..surfaces.triangle_mesh import TriangleMesh
 from ..surfaces.triangles import boundary_edges

@@ -18,7 +18,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy import ndarray
@@ -28,17 +28,23 @@ from ..declarations.scenes import PlyOptions
 from ..fabric import Fabric
 from ..mesh.checks import MeshError
 from ..nets.crossings import Net, NetError
-from ..nets.fibres_in_space import SAME_AXES, Axes
 from ..ply import Ply
 from ..ply.terms import Load
 from ..solve.conditions import Condition
 from ..solve.on_surface import OnSurface
+from ..solve.quantities import Quantity
 from ..solve.result import Result
-from ..surfaces.surface import OffSurfaceError, Surface, displacement, geodesics, onto
-from .edge_tension import AROUND, EdgeTension, edge_net
-from .flat_ply import flat_ply, in_planes
-from .on_tool import CELLS, FIRST_ON_TOOL, measured_on_tool
-from .rectangle import misfit
+from ..surfaces.surface import (
+    SAME_AXES,
+    Axes,
+    OffSurfaceError,
+    Surface,
+    displacement,
+    geodesics,
+    onto,
+)
+from .edge_tension import AROUND, CELLS, EdgeTension, edge_net
+from .rectangle import flat_ply, in_planes, misfit
 from .scene import Scene, unknown
 
 log = logging.getLogger(__name__)
@@ -56,6 +62,23 @@ _MOST_SHEAR, _MOST_CHANGE = 45.0, 30.0
 _ADVICE = (
     "The run may take long or stop: use a ply that ends before that corner, or drape "
     "it in parts"
+)
+
+
+# Figures of `measured_on_tool` that are printed first.
+_FIRST = (
+    Quantity(
+        *("Largest tool pressure", "max_contact_pressure_N_per_mm2", "N/mm²"),
+        has_interval=True,
+    ),
+    Quantity("Bridging", "bridging_share_of_area", "%", note=" of the area"),
+    *(
+        Quantity("Note", key)
+        for key in (
+            *("not_on_tool", "beyond_tool", "off_triangles", "coarse_elements"),
+            *("faces_away", "not_the_net"),
+        )
+    ),
 )
 
 
@@ -166,8 +189,8 @@ def draped_ply(
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads_of=laid.edge_tension,
         figures=partial(shear_errors, exact=exact),
-        first=FIRST_ON_TOOL,
-        measured=partial(measured_on_tool, axes=axes, holding={} if held else held_at),
+        first=_FIRST,
+        measured=partial(_measured, axes=axes, holding={} if held else held_at),
         misfit=misfit(flat, held) or off_exact(flat.p),
         axes=axes,
         initial_guess=laid.in_net,
@@ -296,3 +319,10 @@ class _End:
         point = np.array([*self._on_tool.touch, 0.0])
         x = self._geodesic.on_growing(point, t)
         return onto(self._on_tool.at("tool", t), x)
+
+
+def _measured(result: Result, **options: Any) -> dict[str, float | str]:
+    """See `measured_on_tool`."""
+    from .on_tool import measured_on_tool
+
+    return measured_on_tool(result, **options)

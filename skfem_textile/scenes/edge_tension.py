@@ -23,11 +23,15 @@ from skfem.helpers import dot
 
 from ..fabric.law import Law
 from ..nets.crossings import Net, NetError
+from ..nets.kinematic_net import net
 from ..ply.parameters import TermParameters, Values
 from ..ply.terms import Term
 from ..solve.on_surface import OnSurface
-from .flat_ply import free_edges
-from .on_tool import CELLS, net_over
+from .rectangle import free_edges
+
+#: Number of cells of a net along the longer side of the ply.  Chosen: the error of the
+#: thread directions at the edges is 1e-4.
+CELLS = 64
 
 # Number of cells of the net beyond the ply, from which directions at its edges follow.
 _BEYOND = 2
@@ -37,6 +41,46 @@ AROUND = 1
 
 # Shear angle of a net in radians below which it is round-off.
 _ROUNDING = 1e-9
+
+
+def net_over(
+    points: ndarray,
+    on_tool: OnSurface,
+    angles: tuple[float, float],
+    beyond: int = 0,
+) -> Net:
+    """Net that covers the points of a ply.
+
+    Parameters
+    ----------
+    points
+        Points of the flat ply in mm, shape (2, n).
+    on_tool
+        The surface.
+    angles
+        Inclination of warp and weft at rest in radians.
+    beyond
+        Number of cells beyond the points.
+
+    Raises
+    ------
+    ValueError
+        See `net`.
+    """
+    cell = float(np.ptp(points, axis=1).max()) / CELLS
+    flat, touch = np.array([np.cos(angles), np.sin(angles)]), on_tool.touch
+    ends = np.linalg.solve(flat, points - np.array(touch)[:, None]) / cell
+    further = [[[i], [j]] for i in (-beyond, beyond) for j in (-beyond, beyond)]
+    over = np.hstack([ends + np.array(step) for step in further])
+    reach = np.array([np.maximum(-over.min(axis=1), 0), over.max(axis=1)])
+    warp, weft = np.ceil(reach).astype(int).T.tolist()
+    return net(
+        *(on_tool.surface, cell, tuple(warp), tuple(weft)),
+        angles=angles,
+        touch=touch,
+        over=cell * flat @ over + np.array(touch)[:, None],
+        past_edges=True,
+    )
 
 
 def edge_net(

@@ -15,19 +15,18 @@ symmetric under half a turn about z.
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, FacetBasis, LinearForm, Mesh, asm
 
 from ..contact import Holder, Tool, contacts
-from ..contact.tool import refuse_extent
+from ..contact.obstacle import refuse_extent
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
 from ..mesh.checks import MeshError
 from ..mesh.user_input import real_numbers
-from ..nets.fibres_in_space import SAME_AXES, Axes
 from ..ply.terms import VectorTerm
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
@@ -35,11 +34,12 @@ from ..solve.result import Result
 from ..surfaces.analytic import Height, HeightField, Plane, positive_length
 from ..surfaces.analytic import double_dome as dome
 from ..surfaces.punch_and_die import Die, Punch
-from ..surfaces.surface import Surface
-from ..surfaces.tool_mesh import ToolMesh
-from ..surfaces.triangle_mesh import TriangleMesh
-from .flat_ply import flat_ply, free_edges, in_planes
+from ..surfaces.surface import SAME_AXES, Axes, Surface
+from .rectangle import flat_ply, free_edges, in_planes
 from .scene import Scene, with_parameters
+
+if TYPE_CHECKING:
+    from ..surfaces.triangle_mesh import TriangleMesh
 
 #: Default distance between die and holder in mm.
 GAP = declared.HemisphereForming.gap
@@ -361,7 +361,7 @@ def forming(given: declared.Forming) -> Scene:
     return scene
 
 
-def _refuse_units(punch: TriangleMesh, die: TriangleMesh) -> None:
+def _refuse_units(punch: "TriangleMesh", die: "TriangleMesh") -> None:
     """Refuse a punch and a die in two units of length."""
     one, other = (float(np.ptp(x.facets.points, axis=1).max()) for x in (punch, die))
     if max(one, other) > _OTHER_UNIT * min(one, other):
@@ -372,11 +372,13 @@ def _refuse_units(punch: TriangleMesh, die: TriangleMesh) -> None:
         )
 
 
-def _flange(die: TriangleMesh, up: float, flange: float) -> ndarray:
+def _flange(die: "TriangleMesh", up: float, flange: float) -> ndarray:
     """Outline of the flat triangles of a die at its lowest point, shape (2, n).
 
     ``flange`` is this point in the axes of the user, times the sign ``up``.
     """
+    from ..surfaces.tool_mesh import ToolMesh
+
     points, (triangles,) = die.facets.points, die.facets.cells
     height = up * points[2]
     flat = (height - height.min() <= _FLAT * np.ptp(points)).take(triangles).all(axis=0)
@@ -392,7 +394,7 @@ def _flange(die: TriangleMesh, up: float, flange: float) -> ndarray:
     return np.hstack([x for curve in curves for x in (curve[:2], curve[:2, :1], begin)])
 
 
-def _side(tool: TriangleMesh, upwards: float) -> int | None:
+def _side(tool: "TriangleMesh", upwards: float) -> int | None:
     """Side of a tool that faces up, 1, or down, −1, at its last point that way.
 
     None if the triangles there are vertical.

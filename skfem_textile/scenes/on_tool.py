@@ -15,80 +15,13 @@ from ..contact.risks import (
     share_of_area,
     turn_of_normal,
 )
-from ..nets.crossings import Net
-from ..nets.fibres_in_space import Axes
-from ..nets.kinematic_net import net
 from ..solve.conditions import Condition
-from ..solve.on_surface import OnSurface
-from ..solve.quantities import Quantity
 from ..solve.result import Result, components_mm
-from ..surfaces.surface import Surface
-
-#: Number of cells of a net along the longer side of the ply.  Chosen: the error of the
-#: thread directions at the edges is 1e-4.
-CELLS = 64
-
-
-def net_over(
-    points: ndarray,
-    on_tool: OnSurface,
-    angles: tuple[float, float],
-    beyond: int = 0,
-) -> Net:
-    """Net that covers the points of a ply.
-
-    Parameters
-    ----------
-    points
-        Points of the flat ply in mm, shape (2, n).
-    on_tool
-        The surface.
-    angles
-        Inclination of warp and weft at rest in radians.
-    beyond
-        Number of cells beyond the points.
-
-    Raises
-    ------
-    ValueError
-        See `net`.
-    """
-    cell = float(np.ptp(points, axis=1).max()) / CELLS
-    flat, touch = np.array([np.cos(angles), np.sin(angles)]), on_tool.touch
-    ends = np.linalg.solve(flat, points - np.array(touch)[:, None]) / cell
-    further = [[[i], [j]] for i in (-beyond, beyond) for j in (-beyond, beyond)]
-    over = np.hstack([ends + np.array(step) for step in further])
-    reach = np.array([np.maximum(-over.min(axis=1), 0), over.max(axis=1)])
-    warp, weft = np.ceil(reach).astype(int).T.tolist()
-    return net(
-        *(on_tool.surface, cell, tuple(warp), tuple(weft)),
-        angles=angles,
-        touch=touch,
-        over=cell * flat @ over + np.array(touch)[:, None],
-        past_edges=True,
-    )
-
+from ..surfaces.surface import Axes, Surface
 
 _NO_NET = (
     "the edges have no tension and the fibres no bending stiffness: compressed fibres "
     "buckle in the plane of the ply, and the state differs from the kinematic net"
-)
-
-
-#: Figures of `measured_on_tool` that are printed first.
-FIRST_ON_TOOL = (
-    Quantity(
-        *("Largest tool pressure", "max_contact_pressure_N_per_mm2", "N/mm²"),
-        has_interval=True,
-    ),
-    Quantity("Bridging", "bridging_share_of_area", "%", note=" of the area"),
-    *(
-        Quantity("Note", key)
-        for key in (
-            *("not_on_tool", "beyond_tool", "off_triangles", "coarse_elements"),
-            *("faces_away", "not_the_net"),
-        )
-    ),
 )
 
 

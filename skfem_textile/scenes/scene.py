@@ -1,6 +1,7 @@
-"""Scene: geometry, conditions and exact solution of one problem."""
+"""Scene: geometry, conditions and exact solution of one problem; and its run."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import os
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial, wraps
 from inspect import signature
@@ -10,22 +11,26 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..contact.risks import most_compressed, share_of_area, wrinkle_risk
 from ..fabric import Fabric, Law, is_zero
-from ..nets.fibres_in_space import SAME_AXES, Axes
+from ..ply import Ply
+from ..ply.formulations import DEFAULT
+from ..ply.terms import Formulation, Load
 from ..solve.conditions import Condition
+from ..solve.newton import Method
 from ..solve.on_surface import OnSurface
 from ..solve.quantities import Quantity
 from ..solve.result import Driven, Result
 from ..solve.states import State
-from .shear_test import BiasTest, FrameTest
+from ..solve.stepper import DEFAULT_WARN_ONLY, LoadStepper
+from ..surfaces.surface import SAME_AXES, Axes
 
 if TYPE_CHECKING:
     from ..contact import Holder, Tool
+    from ..mesh.selection import FibreEnd
     from ..outlines import Outline
     from ..ply import Ply
-    from ..ply.builtin_terms import FibreEnd
     from ..ply.terms import Load
+    from .shear_test import BiasTest, FrameTest
 
 ExactField = Callable[[ndarray, float], ndarray]
 
@@ -146,7 +151,7 @@ class Scene:
     load: Callable[[Law, float], float] | None = None
     load_lost: Callable[[Fabric, float], float] | None = None
     misfit: str = ""
-    shear_test: BiasTest | FrameTest | None = None
+    shear_test: "BiasTest | FrameTest | None" = None
     dimension: int = 2
     fibre_ends: "Mapping[str, FibreEnd]" = field(default_factory=dict)
     loads: "tuple[Load, ...]" = ()
@@ -362,6 +367,8 @@ class Scene:
         ``load_over_exact``, ``displacement_error_...`` and ``shear_angle_error_...``.
         ``exact_answer`` states any limitation.
         """
+        from ..contact.risks import most_compressed, share_of_area, wrinkle_risk
+
         state = result.states[-1]
         reaction = self.reaction(state).tolist()
         carried = state.shares.get(f"{self.reacting or self.driven}_reaction", {})
@@ -431,3 +438,107 @@ def _turned_number(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
 def _rotation(angle: float) -> ndarray:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Case:
+    """Scene with its fabric, formulation, loads, load steps and outputs.
+
+    Attributes
+    ----------
+    scene
+        Mesh, displacement conditions and exact solution.
+    fabric
+        Fibre directions and laws.  The exact solution is valid for the directions of
+        the scene.
+    formulation
+        See `Ply`.
+    loads
+        Loads besides the conditions of the scene.
+    steps, method, warn_only, solver
+        As for `LoadStepper`.
+    pictures
+        True if pictures are written in addition to summary, history and fields.
+    defaults
+        Note on default laws, which is printed; empty if there are none.
+
+    Examples
+    --------
+    >>> from skfem_textile.scenes import strip
+    >>> scene = strip(size=(2, 3))
+    >>> fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
+    >>> case = Case(scene=scene, fabric=fabric, steps=2)
+    >>> case.summary(case.run())["converged"]
+    True
+    """
+
+    scene: Scene
+    fabric: Fabric
+    formulation: Formulation = DEFAULT
+    loads: tuple[Load, ...] = ()
+    steps: int = 20
+    method: str | Method = "newton"
+    warn_only: Collection[str] = DEFAULT_WARN_ONLY
+    solver: str = "auto"
+    pictures: bool = True
+    defaults: str = ""
+
+    def ply(self) -> Ply:
+        """The ply at rest.
+
+        Raises
+        ------
+        ValueError
+            See `Ply`.
+        """
+        scene = self.scene
+        of_fabric = scene.loads_of(self.fabric) if scene.loads_of else ()
+        loads = *scene.loads, *of_fabric, *self.loads
+        return Ply(
+            *(scene.mesh, self.fabric, self.formulation, (*loads, *scene.tools)),
+            dimension=scene.dimension,
+            fibre_ends=scene.fibre_ends,
+        )
+
+    def stepper(self, checkpoint: str | os.PathLike[str] | None = None) -> LoadStepper:
+        """Load stepper of the ply.
+
+        Parameters
+        ----------
+        checkpoint
+            As for `LoadStepper`.
+
+        Raises
+        ------
+        ValueError
+            See `Ply` and `LoadStepper`.
+        """
+        ply = self.ply()
+        return LoadStepper(
+            ply,
+            self.scene.conditions,
+            self.steps,
+            method=self.method,
+            warn_only=self.warn_only,
+            checkpoint=checkpoint,
+            initial_guess=self.scene.initial_guess(ply),
+            solver=self.solver,
+        )
+
+    def run(self) -> Result:
+        """Apply the whole load; see `stepper` and `LoadStepper.run` for errors."""
+        return self.stepper().run()
+
+    def summary(self, result: Result) -> dict[str, Any]:
+        """Summary as `Scene.summary`; with further loads there is no exact solution."""
+        scene = self.scene
+        if self.loads:
+            scene = replace(
+                scene, misfit=("forces act in addition to the conditions of the scene")
+            )
+        summary = scene.summary(result)
+        if not self.defaults:
+            return summary
+        note = Quantity("Note", "default_fabric").declared()
+        first = [note, *summary["first"]]
+        return {**summary, "default_fabric": self.defaults, "first": first}

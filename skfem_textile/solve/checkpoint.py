@@ -20,11 +20,11 @@ from . import checksummed
 from .continuation import Continuation
 from .linear.solver import Clock
 from .problem import Problem
-from .states import Equilibrium, State, Verdict
+from .states import CheckpointError, Equilibrium, State, Verdict
 from .verdict import Trial
 
 # File format version; other versions are refused.
-_FORMAT = 8
+_FORMAT = 9
 
 # Advice for a checkpoint of another run.
 _OTHER_FOLDER = "; use the arguments of that run, or another folder"
@@ -54,10 +54,6 @@ _PROBED = (
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
 
-class CheckpointError(ValueError):
-    """Checkpoint that cannot be used; the message gives the reason and the remedy."""
-
-
 class Progress(NamedTuple):
     """Continuation parameters, counters and times of a run; duration in s."""
 
@@ -79,8 +75,7 @@ class Checkpoint:
     Every file is written under a temporary name and then renamed, so that a run may be
     killed at any moment; the next run removes unfinished files.  ``run.npz`` identifies
     the run by its ``settings`` and by mesh, laws, conditions and forces of the problem.
-    Every state holds the name of the run, its number, and a digest of its content and
-    of all previous files.
+    Every file contains the name of the run, its own name, and a checksum.
     """
 
     def __init__(
@@ -100,7 +95,7 @@ class Checkpoint:
         self._ply, self._constraints = problem.ply, problem.constraints
         described = {"format": _FORMAT, **settings, **_described(problem)}
         self._settings = json.loads(json.dumps(described))
-        self._run, self._last = "", ""
+        self._run = ""
         self._lock: checksummed.Lock | None = None
 
     def release(self) -> None:
@@ -119,7 +114,7 @@ class Checkpoint:
             self.folder.mkdir(parents=True, exist_ok=True)
         self._lock_folder()
         if self._files():
-            *_, last = self._states(self._read(_RUN, "", ""))
+            *_, last = self._states(self._read(_RUN, ""))
             with self._content_errors(self._files()[-1]):
                 finished = last.text["load_factor"] == 1.0
             if not finished:
@@ -130,21 +125,26 @@ class Checkpoint:
         self._run, beside = uuid4().hex, self.folder / f".{_RUN}"
         settings, arrays = self._settings, self._fingerprint()
         with self._writing():
-            self._last = checksummed.write(
-                beside, self._run, "run", "", settings, arrays
-            )
+            checksummed.write(beside, self._run, "run", settings, arrays)
 
-    def save(self, number: int, state: State, progress: Progress) -> None:
-        """Write a state and the progress of the run.
+    def save(
+        self,
+        number: int,
+        state: State,
+        continuation: Continuation,
+        clock: Clock,
+        elapsed: float,
+    ) -> None:
+        """Write a state and the progress of the run, of a duration in s.
 
         The first state of a run replaces a finished run.  Raises an error if the file
         cannot be written.
         """
         text = asdict(replace(state, parameters={}))
         text["progress"] = {
-            "continuation": asdict(progress.continuation),
-            "clock": asdict(progress.clock),
-            "elapsed": progress.elapsed,
+            "continuation": asdict(continuation),
+            "clock": asdict(clock),
+            "elapsed": elapsed,
         }
         arrays = {"u": text.pop("u")}
         del text["parameters"]
@@ -157,9 +157,7 @@ class Checkpoint:
         name = f"state_{number:06d}"
         with self._writing():
             beside = self.folder / f".{name}.npz"
-            self._last = checksummed.write(
-                beside, self._run, name, self._last, text, arrays
-            )
+            checksummed.write(beside, self._run, name, text, arrays)
             if number == 0:
                 for file in reversed(self._files()):
                     file.unlink()
@@ -177,7 +175,7 @@ class Checkpoint:
         self._lock_folder()
         if not (files := self._files()):
             return None
-        run = self._read(_RUN, "", "")
+        run = self._read(_RUN, "")
         with self._content_errors(self.folder / _RUN):
             self._check_identity(run)
         states: list[State] = []
@@ -192,7 +190,6 @@ class Checkpoint:
         with self._content_errors(files[-1]):
             saved = contents[-1].text["progress"]
             progress = _progress(saved, states, self._settings)
-        self._last = contents[-1].digest
         return RestoredRun(states, progress)
 
     def _files(self) -> list[Path]:
@@ -202,19 +199,17 @@ class Checkpoint:
 
     def _states(self, run: checksummed.Content) -> Iterator[checksummed.Content]:
         """Contents of the files of states, each of this run and with its number."""
-        last = run
         for number, file in enumerate(self._files()):
             if file.stem != (name := f"state_{number:06d}"):
                 raise CheckpointError(
                     f"checkpoint file {self.folder / name}.npz is missing"
                 )
-            last = self._read(file.name, run.run, last.digest)
-            yield last
+            yield self._read(file.name, run.run)
 
-    def _read(self, name: str, run: str, before: str) -> checksummed.Content:
+    def _read(self, name: str, run: str) -> checksummed.Content:
         path = self.folder / name
         try:
-            return checksummed.read(path, run, before)
+            return checksummed.read(path, run)
         except FileNotFoundError:
             why = "is missing"
         except OSError as error:

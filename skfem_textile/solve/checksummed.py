@@ -1,18 +1,15 @@
 """Checksummed files of arrays and text, and locks for a single writer.
 
-The last line of a file is its seal: run, name, and a digest of the content, the rest of
-the seal and the digest of the previous file in a series.  An edited file therefore
-disagrees with the others even with a recomputed digest.
+An ``.npz`` file contains a CRC-32 checksum of each array.  The text is one of the
+arrays, and contains the names of the others.
 """
 
 import io
 import json
 import os
-import re
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakSet
@@ -23,76 +20,67 @@ from numpy import ndarray
 if sys.platform != "win32":
     import fcntl
 
-_SEAL = re.compile(r"([0-9a-f]{32}) (run|state_[0-9]{6,}) ([0-9a-f]{64})")
-
 
 class Content(NamedTuple):
-    """Text and arrays of a file, and its seal."""
+    """Text and arrays of a file, and its run."""
 
     text: dict[str, Any]
     arrays: dict[str, ndarray]
     run: str
-    digest: str
 
 
 def write(
     path: Path,
     run: str,
     name: str,
-    before: str,
     text: Mapping[str, Any],
     arrays: Mapping[str, ndarray],
-) -> str:
-    """Write a file to disk, synchronously; returns its digest.
+) -> None:
+    """Write a file to disk, synchronously.
 
-    ``run`` has 32 hexadecimal digits, ``name`` is the name of the file in the run, and
-    ``before`` is the digest of the previous file, empty for the first.  ``text`` must
-    be serialisable as JSON.
+    ``run`` is the name of the run, and ``name`` the name of the file in it.  ``text``
+    must be serialisable as JSON.
     """
+    content = json.dumps([run, name, [*arrays], text])
     buffer = io.BytesIO()
-    np.savez(buffer, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
-    digest = _digest(before, run, name, buffer.getvalue())
+    np.savez(buffer, text=np.array(content), **arrays)  # type: ignore[arg-type]
     try:
         with open(path, "wb") as file:
             file.write(buffer.getvalue())
-            file.write(f"\n{run} {name} {digest}".encode())
             file.flush()
             os.fsync(file.fileno())
     except OSError:  # an incomplete file must not occupy space on a full disk
         with suppress(OSError):
             path.unlink()
         raise
-    return digest
 
 
-def read(path: Path, run: str, before: str) -> Content:
+def read(path: Path, run: str) -> Content:
     """Read a file; an empty ``run`` matches any run.
 
-    Raises a ValueError if the file is damaged, belongs to another run, or has another
-    name or predecessor.
+    Raises a ValueError if the file is damaged, belongs to another run, has another name
+    or was written by version 0.3 or earlier.
     """
     if path.exists() and not path.is_file():  # a pipe or device may never end
         raise ValueError("is not a file")
-    body, _, seal = path.read_bytes().rpartition(b"\n")
-    if not (match := _SEAL.fullmatch(seal.decode(errors="replace"))):
-        raise ValueError("is damaged: its last line is not a checksum")
-    its_run, name, its_digest = match.groups()
+    file = io.BytesIO(path.read_bytes())
+    try:
+        with np.load(file, allow_pickle=False) as content:
+            arrays = dict(content)
+        stated = json.loads(str(arrays.pop("text")))
+        is_earlier = isinstance(stated, dict)
+        its_run, name, names, text = ("", "", [], {}) if is_earlier else stated
+    except Exception as error:  # numpy and zipfile may raise anything
+        raise ValueError(f"is damaged: {str(error).partition(chr(10))[0]}") from None
+    if is_earlier:
+        raise ValueError("was written by an earlier version: use another folder")
+    if [*arrays] != names:
+        raise ValueError("is damaged: some of its arrays are missing")
     if run and its_run != run:
         raise ValueError("belongs to another run")
     if name != path.stem:
         raise ValueError(f"was renamed from {name}{path.suffix}")
-    if (digest := _digest(before, its_run, name, body)) != its_digest:
-        raise ValueError("is damaged: it or a previous file was modified")
-    try:
-        with np.load(io.BytesIO(body), allow_pickle=False) as content:
-            arrays = dict(content)
-        return Content(json.loads(str(arrays.pop("text"))), arrays, its_run, digest)
-    except Exception as error:  # numpy and zipfile may raise anything
-        raise ValueError(f"is damaged: {str(error).partition(chr(10))[0]}") from None
-
-
-def _digest(before: str, run: str, name: str, body: bytes) -> str:
-    return sha256(f"{before} {run} {name} ".encode() + body).hexdigest()
+    return Content(text, arrays, its_run)
 
 
 class Lock:

@@ -4,25 +4,26 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from html import escape
-from importlib import import_module
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
+from .. import solve
 from ..mesh.user_input import CopiedError
 from ..ply import Ply
 from ..ply.terms import ContactTerm
 from ..surfaces.surface import Surface
-from .conditioning import compression_warning
 from .conditions import Conditions
 from .continuation import path_warning
-from .interval import ErrorInterval
 from .linear.solver import Choice
 from .on_surface import OnSurface
 from .quantities import OF_PLY, Quantity, first_rows
 from .search import state_at
 from .states import State
+
+if TYPE_CHECKING:
+    from .interval import ErrorInterval
 
 #: Warning of a run in which nothing changes with the load factor.
 UNCHANGING = (
@@ -125,7 +126,7 @@ class Result:
     solver: Choice
     surfaces: Mapping[str, OnSurface]
     unchanging: bool
-    interval: Callable[[State], ErrorInterval]
+    interval: "Callable[[State], ErrorInterval]"
 
     @classmethod
     def of_state(
@@ -223,7 +224,7 @@ class Result:
         return self.states[-1].u
 
     @cached_property
-    def error(self) -> ErrorInterval:
+    def error(self) -> "ErrorInterval":
         """Interval of the error of the last state, computed at first access."""
         return self.interval(self.states[-1])
 
@@ -235,6 +236,8 @@ class Result:
         only warn, each with the first load factor; an unresolved path; and users' terms
         whose energy, residual and tangent contradict each other at the last state.
         """
+        from .conditioning import compression_warning
+
         failed: dict[str, list[State]] = {}
         for state in self.states:
             for check in state.warnings:
@@ -259,8 +262,7 @@ class Result:
         Parameters, returned value and exceptions as there.  Nothing is imported for it
         before it is called.
         """
-        plot = import_module("skfem_textile.plot")
-        return plot.view(self, **options)
+        return solve.viewer(self, **options)
 
     def history(self, turn: ndarray | None = None) -> list[dict[str, float | None]]:
         """Table with one row per converged state.
@@ -487,7 +489,9 @@ def _counted(n: int, what: str) -> str:
     return f"{n} {what}{'s' * (n != 1)}"
 
 
-def _no_interval(state: State) -> ErrorInterval:
+def _no_interval(state: State) -> "ErrorInterval":
+    from .interval import ErrorInterval
+
     return ErrorInterval(reason="the state was not computed by a run")
 
 

@@ -41,6 +41,10 @@ class NoEquilibriumError(Exception):
         self.advice, self.quantity = advice, quantity
 
 
+class CheckpointError(ValueError):
+    """Checkpoint that cannot be used; the message gives the reason and the remedy."""
+
+
 class UserError(CopiedError):
     """Exception raised by a user's function: a term, law, condition or callback.
 

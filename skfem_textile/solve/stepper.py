@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from datetime import timedelta
 from functools import cached_property, partial
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -15,7 +15,6 @@ from numpy import ndarray
 from ..mesh.progress import clear, shown
 from ..mesh.user_input import real_numbers, shortened
 from ..ply import Ply
-from .checkpoint import Checkpoint, CheckpointError, Progress, Replay
 from .conditions import Conditions, Constraints
 from .continuation import (
     MOST_PROJECTED,
@@ -27,16 +26,26 @@ from .continuation import (
     path_warning,
     surface_predictor,
 )
-from .interval import error_interval
 from .linear import ChosenSolver, check_solver
 from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
 from .result import UNCHANGING, Result, StepError
 from .search import EquilibriumSearch, Target, method_of
-from .states import Equilibrium, Iteration, NoEquilibriumError, State, UserError
+from .states import (
+    CheckpointError,
+    Equilibrium,
+    Iteration,
+    NoEquilibriumError,
+    State,
+    UserError,
+)
 from .supports import travels
 from .verdict import CHECKS, Trial
+
+if TYPE_CHECKING:
+    from .checkpoint import Checkpoint
+    from .interval import ErrorInterval
 
 log = logging.getLogger(__name__)
 
@@ -162,10 +171,8 @@ class LoadStepper:
             "warn_only": sorted(warn_only),
             "initial_guess": initial_guess is not None,
         }
-        self.checkpoint = (
-            Checkpoint(checkpoint, self.problem, settings) if checkpoint else None
-        )
-        self.interval = partial(error_interval, self.problem, conditions)
+        self.checkpoint = _checkpoint(checkpoint, self.problem, settings)
+        self.interval = partial(_interval, self.problem, conditions)
         self._run = Run(self)
 
     def run(self, resume: bool = False) -> Result:
@@ -344,8 +351,12 @@ class Run:
     def _resume(self) -> bool:
         """Start from the end of the checkpoint; False if it contains no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
+        if checkpoint is None:
+            return False
+        from .checkpoint import Replay
+
         replay = Replay(problem, self._stepper.initial_guess is not None)
-        if checkpoint is None or not (saved := checkpoint.load(replay)):
+        if not (saved := checkpoint.load(replay)):
             return False
         self.states, self.continuation = saved.states, saved.progress.continuation
         end = replay.last.equilibrium
@@ -483,8 +494,8 @@ class Run:
         if stepper.checkpoint:
             try:
                 elapsed = perf_counter() - self._began
-                progress = Progress(self.continuation, self.problem.clock, elapsed)
-                stepper.checkpoint.save(len(self.states), state, progress)
+                progress = self.continuation, self.problem.clock, elapsed
+                stepper.checkpoint.save(len(self.states), state, *progress)
             except CheckpointError as error:
                 if not self.states:
                     raise
@@ -494,6 +505,26 @@ class Run:
         log.info("load factor %g: %d linear solves", t, state.linear_solves)
         if stepper.on_step is not None and t > 0:
             stepper.on_step(state)
+
+
+def _checkpoint(
+    folder: str | os.PathLike[str] | None, problem: Problem, settings: dict[str, Any]
+) -> "Checkpoint | None":
+    """See `Checkpoint`; None without a folder."""
+    if not folder:
+        return None
+    from .checkpoint import Checkpoint
+
+    return Checkpoint(folder, problem, settings)
+
+
+def _interval(
+    problem: Problem, conditions: Conditions, solver: str, state: State
+) -> "ErrorInterval":
+    """See `error_interval`."""
+    from .interval import error_interval
+
+    return error_interval(problem, conditions, solver, state)
 
 
 def _check_arguments(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..declarations import surfaces as declared
+from .. import declarations as declared
 from ..mesh.user_input import real_numbers
 
 #: Three components.

@@ -5,7 +5,7 @@ from itertools import compress
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.graph import components
+from ..mesh.pattern import components
 from .tool_mesh import curve_length, loops_of_edges
 from .triangles import boundary_edges
 

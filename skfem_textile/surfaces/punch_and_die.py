@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
-from ..declarations import surfaces as declared
+from .. import declarations as declared
 from .analytic import OfRevolution, positive_length
 
 # Lower bound in mm of a distance used as a divisor.

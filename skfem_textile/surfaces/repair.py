@@ -4,7 +4,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.graph import components
+from ..mesh.pattern import components
 from .holes import of_outer_edges, parts_of, turning
 from .sewing import Sewing, sewn
 from .triangles import edges_once

@@ -11,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.graph import components
+from ..mesh.pattern import components
 from .triangles import edges_once
 
 # Distance, relative to the extent, below which vertices coincide: single precision.

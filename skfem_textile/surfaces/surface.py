@@ -33,6 +33,10 @@ _CAUTION, _SHORTER, _LONGER = 0.9, 0.2, 5.0
 # error of smoothed triangles of a vertical wall, and below the draft of moulds.
 _UPRIGHT = 0.01
 
+# Inclination of a plane to the plane normal to x below which the projection of x onto
+# it is not used, 1°.
+_ACROSS = 0.0175
+
 # Lower bound of the error in the step control, in mm.
 _TINY = 1e-100
 
@@ -410,6 +414,45 @@ def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarra
         )
     x = x / np.linalg.norm(x)
     return np.array([x, np.cross(n, x)]).T
+
+
+class Axes(NamedTuple):
+    """Coordinate axes of a ply relative to its tool.
+
+    Parameters
+    ----------
+    origin
+        Origin of the ply in mm, shape (3,).
+    turn
+        Directions of x, y and z of the ply, columns of shape (3, 3).
+    """
+
+    origin: ndarray = np.zeros(3)
+    turn: ndarray = np.eye(3)
+
+    @classmethod
+    def at(cls, surface: Surface, point: ndarray) -> "Axes":
+        """Axes of a ply that touches a surface at a point, shape (3,).
+
+        z is the normal, and x is the projection of the tool's x onto the tangent plane.
+        If the normal is along x, to 1°, the tool's z is used instead of its x.
+        """
+        normal = surface.gradient(point[:, None])[:, 0]
+        across = np.hypot(*normal[1:]) <= _ACROSS * abs(normal[0])
+        plane = tangents(surface, point, (0.0, 0.0, 1.0) if across else (1.0, 0.0, 0.0))
+        return cls(point, np.column_stack([plane, np.cross(*plane.T)]))
+
+    def of_tool(self, x: ndarray) -> ndarray:
+        """Convert points from ply axes to tool axes, shape (3, n)."""
+        return self.origin[:, None] + self.turn @ x
+
+    def of_ply(self, x: ndarray) -> ndarray:
+        """Convert points from tool axes to ply axes, shape (3, n)."""
+        return self.turn.T @ (x - self.origin[:, None])
+
+
+#: Axes of a ply that coincide with the axes of its tool.
+SAME_AXES = Axes()
 
 
 def displacement(X: ndarray, x: ndarray) -> ndarray:

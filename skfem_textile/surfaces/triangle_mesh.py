@@ -15,7 +15,7 @@ from .holes import filled
 from .quadrics import FITTED, Derivatives, Quadrics
 from .repair import mean_edge, repaired, xyz
 from .tool_mesh import ToolMesh
-from .triangles import ElementTree, boundary_edges, closest_on_triangles
+from .triangles import ElementTree, boundary_edges, closest_on_triangles, unit
 
 # Number of positions for which values are kept: a Newton iteration returns to the last
 # state after a trial step.
@@ -326,3 +326,31 @@ def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
             "onto each other, like a spike: correct this vertex"
         )
     return normals / length
+
+
+class GaussCurvature:
+    """Gauss curvature of a tool, at the vertices of its triangles."""
+
+    def __init__(self, tool: TriangleMesh) -> None:
+        self.points = tool.facets.points
+        self.defects = _defects(self.points, tool.facets.triangles())
+
+    def within(self, x: ndarray, radius: float) -> ndarray:
+        """Integral of the curvature over balls around points, in radians, (n,)."""
+        from scipy.spatial import KDTree
+
+        near = np.flatnonzero(self.defects)
+        pairs = KDTree(x.T).query_ball_tree(KDTree(self.points[:, near].T), radius)
+        return np.array([self.defects[near[of]].sum() for of in pairs])
+
+
+def _defects(points: ndarray, triangles: ndarray) -> ndarray:
+    """Curvature of vertices: 2π minus their angles in radians, shape (n,)."""
+    angles = np.zeros(points.shape[1])
+    for k in range(3):
+        a, b, c = (points[:, triangles[(k + m) % 3]] for m in range(3))
+        cosine = (unit(b - a) * unit(c - a)).sum(axis=0)
+        np.add.at(angles, triangles[k], np.arccos(np.clip(cosine, -1.0, 1.0)))
+    defect = 2 * np.pi - angles
+    defect[np.unique(boundary_edges([triangles]))] = 0.0
+    return defect

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from skfem_textile import Fabric, Macro, OnePoint
-from skfem_textile.contact.gaps import contacts
+from skfem_textile.contact import contacts
 from skfem_textile.contact.shape import draw_in
 from skfem_textile.scenes import Case, Scene, hemisphere_forming
 from skfem_textile.solve.result import Result, StepError

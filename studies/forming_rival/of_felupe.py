@@ -11,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from skfem_textile.contact.tool import ToolContact
+from skfem_textile.contact.obstacle import ToolContact
 from skfem_textile.fabric import kinematics as kin
 from skfem_textile.ply import Ply
 from skfem_textile.ply.parameters import NO_VALUES, Values

@@ -4,7 +4,7 @@ from time import perf_counter
 
 from skfem_textile import Fabric, LoadStepper, Ply
 from skfem_textile.scenes import bias_extension
-from skfem_textile.solve.threads import solver_threads
+from skfem_textile.solve import solver_threads
 
 from ..common.running import in_new_process
 from ..common.tables import Row, table

@@ -2,8 +2,8 @@
 
 import pytest
 
-from skfem_textile.scenes import draped_ply, on_tool
-from skfem_textile.solve import stepper
+from skfem_textile.scenes import draped_ply, edge_tension
+from skfem_textile.solve import interval
 from tests.helpers.intervals import OMITTED
 from tests.helpers.tools import plate, write
 
@@ -12,8 +12,8 @@ from tests.helpers.tools import plate, write
 def quick():
     """Coarser nets, and no error intervals, for runs that a module shares."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stepper, "error_interval", lambda *_: OMITTED)
-        for module in (draped_ply, on_tool):
+        patch.setattr(interval, "error_interval", lambda *_: OMITTED)
+        for module in (draped_ply, edge_tension):
             patch.setattr(module, "CELLS", 16)
         yield
 
@@ -26,5 +26,5 @@ def tool(tmp_path_factory):
 @pytest.fixture
 def coarse_net(monkeypatch):
     """Coarser nets for plies whose edges are not pulled by a net."""
-    for module in (draped_ply, on_tool):
+    for module in (draped_ply, edge_tension):
         monkeypatch.setattr(module, "CELLS", 16)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from skfem_textile import ErrorInterval
-from skfem_textile.solve import stepper
+from skfem_textile.solve import interval
 
 OMITTED = ErrorInterval(reason="omitted")
 
@@ -16,4 +16,4 @@ def without_interval(result):
 
 @pytest.fixture
 def no_interval(monkeypatch):
-    monkeypatch.setattr(stepper, "error_interval", lambda *_: OMITTED)
+    monkeypatch.setattr(interval, "error_interval", lambda *_: OMITTED)

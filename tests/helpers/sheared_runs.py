@@ -1,6 +1,5 @@
 """Runs on a small ply in shear; its C_s depends on the last converged state."""
 
-import io
 import json
 
 import numpy as np
@@ -31,8 +30,8 @@ def interrupted(folder, pull=0.3):
 
 
 def read_npz(path):
-    """Text and arrays of a file, and its seal: run, name, digest."""
-    body, _, seal = path.read_bytes().rpartition(b"\n")
-    with np.load(io.BytesIO(body)) as content:
+    """Run, name, text and arrays of a file."""
+    with np.load(path) as content:
         arrays = dict(content)
-    return json.loads(str(arrays.pop("text"))), arrays, seal.decode().split()
+    of_run, name, _, text = json.loads(str(arrays.pop("text")))
+    return of_run, name, text, arrays

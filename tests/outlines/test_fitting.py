@@ -9,8 +9,7 @@ from skfem_textile import Condition, Fabric, LoadStepper, Macro, Ply, Quadratic
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.mesh.selection import SINGULAR, with_named_nodes
 from skfem_textile.outlines import Outline, fitting, singular_fibres
-from skfem_textile.outlines.collapsing import smallest_angles
-from skfem_textile.outlines.fitting import fit_to_fibres
+from skfem_textile.outlines.fitting import fit_to_fibres, smallest_angles
 from skfem_textile.outlines.meshing import mesh_outline
 from skfem_textile.scenes.rectangle import rectangle as irregular
 

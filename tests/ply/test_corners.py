@@ -5,7 +5,7 @@ import pytest
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
-from skfem_textile.forms.corners import RESISTING, resistance
+from skfem_textile.forms.in_plane import RESISTING, resistance
 from skfem_textile.mesh.splitting import split
 from skfem_textile.ply import builtin_terms
 from skfem_textile.scenes import bias_extension, strip

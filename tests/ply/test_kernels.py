@@ -31,7 +31,7 @@ from skfem_textile import (
     mean_tension,
     tension,
 )
-from skfem_textile.forms.corners import RESISTING
+from skfem_textile.forms.in_plane import RESISTING
 from skfem_textile.forms.kernels.elements import QuadPoints, element_groups
 from skfem_textile.forms.kernels.kernel import positive_part
 from skfem_textile.mesh import bases as elements

@@ -17,7 +17,7 @@ from skfem_textile import (
     Quadratic,
     Sin2,
 )
-from skfem_textile.forms.corners import RESISTING
+from skfem_textile.forms.in_plane import RESISTING
 from skfem_textile.forms.kernels import elements
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.conditions import Constraints

@@ -64,7 +64,7 @@ def with_intervals(monkeypatch, *halves):
         half = next(remaining)
         return made if half is None else ErrorInterval(half, 0.0)
 
-    monkeypatch.setattr("skfem_textile.solve.stepper.error_interval", interval)
+    monkeypatch.setattr("skfem_textile.solve.interval.error_interval", interval)
 
 
 def test_the_load_on_nets_is_within_the_tolerance():

@@ -3,9 +3,9 @@
 import json
 import os
 from concurrent.futures import ThreadPoolExecutor
-from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
+from zlib import crc32
 
 from hypothesis import strategies as st
 
@@ -25,30 +25,30 @@ CASES = ("0", "a b", "größe", '"', "\\", "two\nlines", "{}", "")
 
 # A plain description of the file, independent of the library
 
-START, FOUND, DIGEST, END = '{"case": ', ', "found": ', ', "digest": "', '"}'
+START, FOUND, CHECKSUM, END = '{"case": ', ', "found": ', ', "checksum": "', '"}'
 
 
-def with_digest(start):
-    """The start of a line, case and result, with its digest and its end."""
-    start += DIGEST.encode()
-    return start + sha256(start).hexdigest()[:16].encode() + END.encode() + b"\n"
+def with_checksum(start):
+    """The start of a line, case and result, with its checksum and its end."""
+    start += CHECKSUM.encode()
+    return start + f"{crc32(start):08x}{END}".encode() + b"\n"
 
 
 def line(case, result):
     name = json.dumps(case, ensure_ascii=False)
-    return with_digest(f"{START}{name}{FOUND}{json.dumps(result)}".encode())
+    return with_checksum(f"{START}{name}{FOUND}{json.dumps(result)}".encode())
 
 
 def entry(text):
     """Case and result of a line; None if no sweep writes such a line."""
-    start, mark, _ = text.rpartition(DIGEST.encode())
-    if not mark or with_digest(start) != text + b"\n":
+    start, mark, _ = text.rpartition(CHECKSUM.encode())
+    if not mark or with_checksum(start) != text + b"\n":
         return None
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(content, dict) or list(content) != ["case", "found", "digest"]:
+    if not isinstance(content, dict) or list(content) != ["case", "found", "checksum"]:
         return None
     if not isinstance(content["case"], str):
         return None
@@ -86,10 +86,10 @@ def read(content):
 
 # Damage
 
-# Lines that no sweep writes, and starts of lines that receive a valid digest.
+# Lines that no sweep writes, and starts of lines that receive a valid checksum.
 FOREIGN = (
     *(b"", b" ", b"\r", b"[]", b"{}", b"null", b"a note of mine", b"\x00" * 40),
-    *(b'{"case": "0", "found": 1}', b'{"case": "0", "found": 1, "digest": "0"}'),
+    *(b'{"case": "0", "found": 1}', b'{"case": "0", "found": 1, "checksum": "0"}'),
     *(b"load,N", b"\xff\xfe\xfa", b'"' * 30, b"x" * 100_000),
 )
 FORGED = (
@@ -101,7 +101,7 @@ FORGED = (
 RESULTS = (0, 1.5, None, "text", [], {"value": 2}, float("nan"), 10**400)
 
 foreign = st.sampled_from(FOREIGN)
-forged = st.sampled_from(FORGED).map(with_digest)
+forged = st.sampled_from(FORGED).map(with_checksum)
 
 
 def inserted(draw, content, new):
@@ -120,7 +120,7 @@ def one_less_or_twice(draw, content):
 
 
 def edited(draw, content):
-    """Another result of a case, in its place, with a valid digest or the old one."""
+    """Another result of a case, in its place, with a valid checksum or the old one."""
     lines = content.splitlines(keepends=True) or [b""]
     i = draw(st.integers(0, len(lines) - 1))
     if not (parsed := entry(lines[i].removesuffix(b"\n"))):

@@ -16,7 +16,7 @@ from threading import Event
 
 import pytest
 
-from skfem_textile.solve.threads import solver_threads
+from skfem_textile.solve import solver_threads
 from skfem_textile.sweep import SweepError, WorkerProcesses, sweep
 from tests.helpers.sweep_cases import is_alive, lines, process_pool, wait_until
 from tests.sweep import calls

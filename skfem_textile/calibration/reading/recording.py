@@ -17,10 +17,18 @@ from numpy import ndarray
 from ...fabric.law import Resistance, refuse_other_units
 from ...fabric.laws.tabulated import ANGLE
 from ...mesh.user_input import excerpt, printable
-from .encoding import read_text
 from .layout import SEPARATORS, Block, Line, blocks_of, column_headings, separator_of
-from .noise import explained, is_no_motion, is_noise
-from .numbers import MARKS, AmbiguousMarkError, decimal_mark, is_number, number
+from .numbers import (
+    MARKS,
+    AmbiguousMarkError,
+    decimal_mark,
+    explained,
+    is_no_motion,
+    is_noise,
+    is_number,
+    number,
+    read_text,
+)
 from .quantities import (
     COLUMNS,
     FORCES,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.polynomial.polynomial import polyval
 
-from ...declarations import laws as declared
+from ... import declarations as declared
 from ..law import ScalarLaw
 
 

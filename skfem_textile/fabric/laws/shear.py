@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy import ndarray
 
-from ...declarations import laws as declared
+from ... import declarations as declared
 from ..law import OneStiffness, Resistance, ScalarLaw, number, refuse_other_units
 
 

@@ -11,8 +11,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import BSpline
 
-from ...mesh.other_packages import without_messages
-from ...mesh.requirements import require
+from ...mesh.requirements import require, without_messages
 from ...mesh.user_input import (
     IN_MM,
     excerpt,

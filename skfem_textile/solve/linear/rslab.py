@@ -12,7 +12,7 @@ from typing import Any
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-from ..threads import solver_threads
+from ...solve import solver_threads
 from .scaling import ROUND_OFF
 from .solver import FORKED, HIDDEN, REFINEMENTS, CountedPivots, LatestFactors
 from .unknowns import Unknowns

@@ -6,7 +6,7 @@ import pytest
 from skfem_textile import Fabric, Newton, OnSurface, StepError, drape
 from skfem_textile.scenes import Case, draped_ply
 from skfem_textile.scenes import drape as on_tool
-from skfem_textile.scenes.on_tool import net_over
+from skfem_textile.scenes.edge_tension import net_over
 from skfem_textile.solve import search
 
 # Half a side of the top, and the height, of a box.

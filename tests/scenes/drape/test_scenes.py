@@ -16,7 +16,7 @@ from skfem_textile import (
 )
 from skfem_textile.cli import main as cli
 from skfem_textile.fabric import Linear
-from skfem_textile.scenes import Case, cylinder, hemisphere, on_tool, saddle
+from skfem_textile.scenes import Case, cylinder, edge_tension, hemisphere, saddle
 from skfem_textile.scenes import draped_ply as draped_module
 from skfem_textile.scenes.draped_ply import draped_ply
 from skfem_textile.scenes.edge_tension import EdgeTension
@@ -60,7 +60,7 @@ def test_a_quarter_agrees_with_the_whole(build, fibres, monkeypatch):
     """Also their nets, whose cells are a share of the ply."""
     ends = []
     for part, n in (("quarter", 2), ("whole", 4)):
-        for module in (draped_module, on_tool):
+        for module in (draped_module, edge_tension):
             monkeypatch.setattr(module, "CELLS", 16 * n)
         ends.append(run(build(size=(n, n), fibres=degrees(fibres), part=part)))
     (quarter, one), (whole, other) = ends

@@ -1,5 +1,6 @@
 """Checkpoints that are damaged, forged or locked."""
 
+import json
 import os
 import shutil
 import signal
@@ -36,14 +37,11 @@ def refusal(folder):
 
 
 def forge(folder, number, edit):
-    """Edit text and arrays of a file, and reseal it and all later files."""
-    files = [folder / "run.npz", *sorted(folder.glob("state_*"))]
-    digest = ""
-    for i, file in enumerate(files):
-        text, arrays, (of_run, name, _) = read_npz(file)
-        if i == number % len(files):
-            edit(text, arrays)
-        digest = checksummed.write(file, of_run, name, digest, text, arrays)
+    """Edit text and arrays of a file, and its checksum."""
+    file = [folder / "run.npz", *sorted(folder.glob("state_*"))][number]
+    of_run, name, text, arrays = read_npz(file)
+    edit(text, arrays)
+    checksummed.write(file, of_run, name, text, arrays)
 
 
 def with_value(path, value):
@@ -68,6 +66,21 @@ def test_a_damaged_checkpoint_is_rejected(run, file):
         assert "damaged" in refusal(run)
 
 
+def test_no_changed_byte_changes_what_is_read(made, tmp_path):
+    file, copy = made / "state_000002.npz", tmp_path / "state_000002.npz"
+    content, whole = checksummed.read(file, ""), file.read_bytes()
+    for i in range(0, len(whole), 53):
+        copy.write_bytes(whole[:i] + bytes([whole[i] ^ 16]) + whole[i + 1 :])
+        try:
+            text, arrays, run = checksummed.read(copy, content.run)
+        except ValueError:
+            continue
+        assert (text, run) == (content.text, content.run)
+        assert [*arrays] == [*content.arrays]
+        for name, array in arrays.items():
+            assert array.tobytes() == content.arrays[name].tobytes()
+
+
 @pytest.mark.parametrize("file", ["run.npz", "state_000001.npz"])
 def test_a_missing_file_is_reported(run, file):
     (run / file).unlink()
@@ -90,13 +103,14 @@ def test_a_renamed_file_is_reported(run):
     assert "state_000002.npz was renamed from state_000001.npz" in line
 
 
-def test_a_resealed_file_in_the_middle_is_rejected(run):
-    file = run / "state_000002.npz"
-    next_one = file.read_bytes()
-    forge(run, 2, with_value(("energies", "shear"), lambda x: 1.01 * x))
-    file.write_bytes(next_one)
-    line = refusal(run)
-    assert "state_000002.npz is damaged: it or a previous file was modified" in line
+def test_a_checkpoint_of_an_earlier_version_is_refused(run):
+    """Its last lines contain run and name, which the text does not."""
+    for file in run.iterdir():
+        of_run, name, text, arrays = read_npz(file)
+        np.savez(file, text=np.array(json.dumps(text)), **arrays)
+        with open(file, "ab") as end:
+            end.write(f"\n{of_run} {name} {'0' * 64}".encode())
+    assert "run.npz was written by an earlier version" in refusal(run)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +143,7 @@ def test_a_resealed_file_in_the_middle_is_rejected(run):
     ],
 )
 def test_an_inconsistent_last_state_is_rejected(made, tmp_path, path, values):
-    """The digest is valid."""
+    """The checksum is valid."""
     for i, value in enumerate(values):
         folder = shutil.copytree(made, tmp_path / f"{i}")
         forge(folder, -1, with_value(path, value))
@@ -153,7 +167,7 @@ def test_arrays_of_another_ply_or_kind_are_rejected(made, tmp_path):
         assert refusal(folder), i
 
 
-def test_resealing_alone_has_no_effect(run):
+def test_rewriting_a_file_has_no_effect(run):
     forge(run, 1, lambda text, arrays: None)
     assert stepper(run).run(resume=True).converged
 
@@ -173,7 +187,7 @@ def test_files_of_another_format_are_rejected_in_one_line(run):
     forge(run, 1, with_value(("work",), {"stabilisation": 0.0}))
     forge(run, 0, with_value(("format",), 7))
     assert refusal(run) == (
-        f"checkpoint {run} belongs to another run: format was 7 and is now 8; use the "
+        f"checkpoint {run} belongs to another run: format was 7 and is now 9; use the "
         "arguments of that run, or another folder"
     )
 

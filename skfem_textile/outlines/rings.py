@@ -3,24 +3,25 @@
 import logging
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy import ndarray
+from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
+from shapely.validation import explain_validity
 
-from ...mesh.checks import refuse_metres
-from ...mesh.graph import components
-from ..outline import (
-    NEAR,
-    place,
-    refuse_not_finite,
-    valid_ring,
-)
-from .curves import LISTED, Curve
+from ..mesh.checks import refuse_metres
+from ..mesh.pattern import components
+from ..mesh.user_input import real_numbers
+from .drawings.curves import LISTED, Curve
 
 log = logging.getLogger(__name__)
+
+#: Distance relative to the size of an outline below which points coincide.  Chosen: far
+#: above rounding (2e-16), far below practical edges.
+NEAR = 1e-9
 
 #: Distance relative to the size below which ends of lines in a file are joined.
 #: Chosen: above the rounding of coordinates with six digits.
@@ -311,3 +312,47 @@ def _about(ring: Ring) -> str:
 def _listed(rings: Sequence[Ring]) -> str:
     more = f" and {len(rings) - LISTED} more" if len(rings) > LISTED else ""
     return ", ".join(_about(ring) for ring in rings[:LISTED]) + more
+
+
+def place(point: Any) -> str:
+    """Position as text, of a point of shapely or an array of shape (2,)."""
+    x, y = point.coords[0] if hasattr(point, "coords") else point
+    return f"({x + 0.0:.6g}, {y + 0.0:.6g})"
+
+
+def refuse_not_finite(what: str, p: ndarray) -> None:
+    """Refuse corners, shape (2, n), that are not finite or cannot be squared."""
+    bad = ~(np.abs(p) < 1e100).all(axis=0)  # their squares do not overflow
+    if bad.any():
+        raise ValueError(f"{what}: corner {bad.argmax()} is not finite, or too large")
+
+
+def valid_ring(what: str, corners: ArrayLike) -> ndarray:
+    """Corners of a valid polygon, without the repetition of the first at the end."""
+    ring = real_numbers(what, corners)
+    if ring.ndim != 2 or ring.shape[0] != 2 or ring.shape[1] < 3:
+        raise ValueError(f"{what} must have the shape (2, n), n >= 3, not {ring.shape}")
+    refuse_not_finite(what, ring)
+    if (ring[:, 0] == ring[:, -1]).all():
+        ring = ring[:, :-1]
+    size = np.hypot(*np.ptp(ring, axis=1))
+    short = np.hypot(*(np.roll(ring, -1, axis=1) - ring)) <= NEAR * size
+    if short.any():
+        raise ValueError(
+            f"{what} has coincident corners at {place(ring[:, short.argmax()])}"
+        )
+    if ring.shape[1] < 3 or _width(ring) <= NEAR * size:
+        raise ValueError(f"{what} has no area, at {place(ring[:, 0])}")
+    polygon = shapely.Polygon(ring.T)
+    if not polygon.is_valid:
+        where = explain_validity(polygon).partition("[")[2].rstrip("]").split()
+        raise ValueError(
+            f"{what} crosses or touches itself at {place(np.array(where, float))}"
+        )
+    return ring
+
+
+def _width(ring: ndarray) -> float:
+    """Extent of corners across their main direction, about."""
+    centred = ring - ring.mean(axis=1, keepdims=True)
+    return float(np.linalg.svd(centred, compute_uv=False)[1])

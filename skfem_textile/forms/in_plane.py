@@ -1,4 +1,4 @@
-"""Forms of the fibre tension, local or at the mean stretch of an element.
+"""Forms of tension, shear, and resistance of corners to folding.
 
 Fibre tension at the mean stretch of an element avoids tension locking.
 
@@ -17,14 +17,30 @@ The mean is taken of the stretch and not of its logarithm: the stretch has no se
 derivative along the fibre, so that the stiffness of a deviation is E_d at any tension,
 whereas with the logarithm it would be E_d − T.  The formulation is consistent:
 deviations vanish under mesh refinement.
+
+Stabilisation by the jump of the shear angle across interior edges vanishes for a
+continuous shear angle, including a linear one, and couples neighbouring elements.
+
+A bilinear quadrilateral is not folded if and only if det F is positive at its corners.
+Fibre and stabilisation terms are not evaluated at corners, so that corners need a
+separate resistance:
+
+    κ Σ_corners A/n b(det F),   b(J) = ln³(J₀/J) where J < J₀, and 0 elsewhere,
+
+an energy that is C² and exactly zero while every corner is open.  Below J₁ = J₀/4, b is
+replaced by its osculating parabola, so that iterates may be folded; the acceptance
+checks reject folded states.  In space det F is replaced by the area ratio, which has no
+sign.
 """
 
 import numpy as np
+from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
 from skfem.helpers import ddot
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
+from ..mesh.bases import JumpBasis
 from ..mesh.user_input import parameter
 from .form import (
     Forms,
@@ -194,5 +210,133 @@ def mean_tension(fabric: Fabric) -> Forms:
         if cross is not None:
             means = means + cross * (of_u[0] * of_v[1] + of_u[1] * of_v[0])
         return means + contract(gradient(v), once(w, local_stiffness), gradient(u))
+
+    return Forms(energy, residual, tangent)
+
+
+@builds_forms("ShearKernel")
+def shear(fabric: Fabric) -> Forms:
+    """In-plane shear: virtual work ∫ M_s δΓ dΩ."""
+
+    def law(w):
+        return fabric.at(elements(w)).shear_law
+
+    def energy(w):
+        M_s = law(w)
+        return M_s.energy(kin.shear_angle(deformation(w), *directions(fabric, w)))
+
+    def stress(w):
+        F, A, M_s = deformation(w), directions(fabric, w), law(w)
+        return M_s.value(kin.shear_angle(F, *A)) * kin.shear_angle_d(F, *A)
+
+    def stiffness(w):
+        F, A, M_s = deformation(w), directions(fabric, w), law(w)
+        angle, d_angle = kin.shear_angle(F, *A), kin.shear_angle_d(F, *A)
+        return M_s.tangent(angle) * outer(d_angle, d_angle) + M_s.value(
+            angle
+        ) * kin.shear_angle_dd(F, *A)
+
+    return of_density(energy, stress, stiffness)
+
+
+@builds_forms(basis=JumpBasis)
+def shear_continuity(fabric: Fabric, C_j: float) -> Forms:
+    """Stabilisation with the energy ½ C_j Σ_edges (A⁺ + A⁻)/4 [[Γ]]².
+
+    The forms require a `JumpBasis`.
+
+    Parameters
+    ----------
+    fabric
+        Fibre directions; the stiffnesses are not used.
+    C_j
+        Stabilisation stiffness in N/mm.
+    """
+
+    def jump(w):
+        return _jump(kin.shear_angle(deformation(w), *directions(fabric, w)))
+
+    def variation(w):
+        return kin.shear_angle_d(deformation(w), *directions(fabric, w))
+
+    def curvature(w):
+        return kin.shear_angle_dd(deformation(w), *directions(fabric, w))
+
+    @Functional
+    def energy(w):
+        return 0.5 * C_j * jump(w) ** 2
+
+    @LinearForm
+    def residual(v, w):
+        return C_j * once(w, jump) * _jump(ddot(once(w, variation), gradient(v)))
+
+    @BilinearForm
+    def tangent(u, v, w):
+        d = once(w, variation)
+        second = contract(gradient(v), once(w, curvature), gradient(u))
+        return C_j * (
+            _jump(ddot(d, gradient(u))) * _jump(ddot(d, gradient(v)))
+            + once(w, jump) * _jump(second)
+        )
+
+    return Forms(energy, residual, tangent)
+
+
+def _jump(x: ndarray) -> ndarray:
+    """[[x]], equal at both points of an edge."""
+    return np.repeat(x[..., :1] - x[..., 1:], 2, axis=-1)
+
+
+#: J₀, the area ratio det F below which a corner resists.  Chosen: inextensible
+#: orthogonal fibres reach it at a shear angle of 85.4° (cos 85.4° = 0.08), beyond the
+#: locking angles of fabrics.
+RESISTING = 0.08
+
+# J₁, the area ratio below which b is a parabola.  Chosen: b″ is 3·10⁴ there, compared
+# with 1 for a shear law (docs/theory/plane.md).
+_PARABOLA = RESISTING / 4
+
+
+def resistance(J: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """b(J) and its first and second derivative, for area ratios J of any sign."""
+    J_in = np.clip(J, _PARABOLA, RESISTING)
+    log, beyond = np.log(RESISTING / J_in), np.minimum(J - _PARABOLA, 0.0)
+    b, d, dd = log**3, -3 * log**2 / J_in, (6 * log + 3 * log**2) / J_in**2
+    return b + d * beyond + 0.5 * dd * beyond**2, d + dd * beyond, dd
+
+
+@builds_forms()
+def corner_resistance(stiffness: float) -> Forms:
+    """Resistance of corners with the energy κ Σ A/n b(det F).
+
+    The forms require a `CornerBasis`.
+
+    Parameters
+    ----------
+    stiffness
+        κ in N/mm.
+    """
+
+    def derivatives(w):
+        return resistance(kin.area_ratio(deformation(w)))
+
+    @Functional
+    def energy(w):
+        b, _, _ = derivatives(w)
+        return stiffness * b
+
+    @LinearForm
+    def residual(v, w):
+        _, d, _ = once(w, derivatives)
+        return stiffness * d * kin.area_ratio_d(deformation(w), gradient(v))
+
+    @BilinearForm
+    def tangent(u, v, w):
+        _, d, dd = once(w, derivatives)
+        F = deformation(w)
+        square = kin.area_ratio_d(F, gradient(u)) * kin.area_ratio_d(F, gradient(v))
+        return stiffness * (
+            dd * square + d * kin.area_ratio_dd(F, gradient(u), gradient(v))
+        )
 
     return Forms(energy, residual, tangent)

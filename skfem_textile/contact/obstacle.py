@@ -1,0 +1,534 @@
+"""Rigid tools that move with the load factor, in frictionless contact with a ply.
+
+A tool is an obstacle: a surface φ = 0, moved rigidly, and the side of it on which the
+ply lies.  The gap of a node at x is g = ±φ/‖∇φ‖ less half the thickness, the distance
+to first order.  Contact is enforced at the nodes, by forces that are multipliers of g ≥
+0, see `ContactTerm`.  Each node counts with the integral of its shape function: the
+corners of quadratic triangles, whose integral vanishes, touch no tool.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from scipy.sparse import bsr_matrix, csr_matrix
+from skfem import CellBasis, LinearForm, Mesh, asm
+
+from ..mesh.bases import components, node_positions
+from ..mesh.user_input import call_user_function, real_numbers
+from ..ply.parameters import NO_VALUES, TermParameters, Values
+from ..ply.terms import ContactTerm
+from ..solve.on_surface import (
+    CheckedSurface,
+    SurfaceError,
+    check_surface,
+)
+from ..surfaces.surface import Surface, place
+
+#: Translation in mm that is reached in proportion to the load factor, or a function of
+#: the load factor that returns the translation, or a rotation matrix and it.
+Motion: TypeAlias = ArrayLike | Callable[[float], Any]
+
+# Share of the area of an element below which the integral of a shape function is zero.
+_NO_AREA = 1e-9
+
+# Penetration of the undeformed ply, relative to its extent, that is round-off.
+_ROUND_OFF = 1e-9
+
+# Extent of a tool relative to the size of the ply above which its unit is wrong.
+# Chosen: metres in place of millimetres are 1000.
+_LARGEST = 100.0
+
+# Number of intermediate positions of a node at which it may be inside a tool.
+_INTERMEDIATE = 8
+
+# Deviation of a rotation matrix from orthogonality that is round-off.
+_ORTHOGONAL = 1e-9
+
+
+def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndarray]:
+    """Rotation matrix and translation of a motion at a load factor.
+
+    Raises
+    ------
+    ValueError
+        If the motion returns something else; the message begins with ``what``.
+    """
+    what = f"{what}: motion"
+    if motion is None:
+        return np.eye(3), np.zeros(3)
+    if callable(motion):
+        moved = call_user_function(what, motion, t)
+    else:
+        pair = isinstance(motion, tuple | list) and len(motion) == 2
+        final = np.empty(0) if pair else real_numbers(what, motion)
+        if final.shape != (3,):
+            raise ValueError(
+                f"{what} must be a final translation of three components; for a "
+                "rotation pass a function of the load factor that returns a rotation "
+                f"matrix and a translation, got {' '.join(repr(motion).split())}"
+            )
+        moved = t * final
+    pair = isinstance(moved, tuple) and len(moved) == 2
+    rotation, translation = moved if pair else (np.eye(3), moved)
+    rotation = real_numbers(what, rotation)
+    translation = real_numbers(what, translation)
+    if rotation.shape != (3, 3) or translation.shape != (3,):
+        raise ValueError(
+            f"{what} must be a translation of three components, or a rotation "
+            f"matrix and a translation, got {' '.join(repr(moved).split())}"
+        )
+    if not np.isfinite(translation).all():
+        raise ValueError(f"{what} is not finite at load factor {t:g}")
+    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    if not (off <= _ORTHOGONAL and np.linalg.det(rotation) > 0):
+        raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")
+    return rotation, translation
+
+
+class Gaps(NamedTuple):
+    """Gaps at points, infinite out of reach, shape (n,), and their gradients, (3, n).
+
+    ``distance`` is φ/‖∇φ‖, ``local`` are the points in the axes of the surface, and
+    ``slope`` is ‖∇φ‖.
+    """
+
+    gap: ndarray
+    normal: ndarray
+    distance: ndarray
+    local: ndarray
+    slope: ndarray
+
+
+def no_reach(t: float) -> float:
+    """Reach of an `Obstacle` of zero."""
+    return 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """Moving surface with the side of the ply, and the gap of points from it.
+
+    Attributes
+    ----------
+    what, surface, motion
+        Name in messages, surface and motion of a tool.
+    X
+        Nodes of the undeformed ply in mm, shape (3, n_nodes).
+    side
+        Side of the surface on which the ply lies.
+    half
+        Half of the thickness in mm.
+    outline
+        See `Tool`.
+    reach
+        Function of the load factor: largest distance of the ply from the surface, for a
+        holder; None for a tool, which keeps the ply away from the surface.
+    stated
+        See `Tool`.
+    """
+
+    what: str
+    surface: Surface
+    motion: Motion | None
+    X: ndarray
+    side: int
+    half: float
+    outline: ndarray | None
+    reach: Callable[[float], float] | None
+    stated: Callable[[ndarray], ndarray]
+
+    def place(self, position: ndarray) -> str:
+        """Position in a message, given in the axes of the ply, shape (3,)."""
+        return place(self.stated(position[:, None])[:, 0])
+
+    @classmethod
+    def of(
+        cls, tool: Any, basis: CellBasis, reach: Callable[[float], float] | None = None
+    ) -> "Obstacle":
+        """Obstacle of a tool or holder; a ValueError if it is not valid."""
+        what = f"tool {tool.name!r}"
+        if components(basis) != 3:
+            raise ValueError(
+                f"{what}: a tool requires a ply in space: use Ply(..., dimension=3)"
+            )
+        if tool.side not in (None, 1, -1):
+            raise ValueError(f"{what}: side must be 1, -1 or None, got {tool.side!r}")
+        half = 0.5 * float(real_numbers(f"{what}: thickness", tool.thickness))
+        if not 0 <= half < np.inf:
+            raise ValueError(
+                f"{what}: the thickness must not be negative, got {2 * half:g} mm"
+            )
+        X = np.pad(node_positions(basis), ((0, 1), (0, 0)))
+        refuse_extent(what, tool.surface, basis.mesh)
+        check_surface(what, tool.surface, X)
+        for t in (0.0, 1.0):
+            placement(what, tool.motion, t)
+        outline = _corners(what, tool.outline)
+        side = tool.side or 1
+        obstacle = cls(
+            *(what, tool.surface, tool.motion, X, side, half, outline, reach),
+            tool.stated,
+        )
+        if tool.side is None:
+            return replace(obstacle, side=obstacle._side_at_rest())
+        return obstacle
+
+    def travel(self, t: float) -> ndarray:
+        """Translation from the initial position in mm, shape (3,)."""
+        (_, first), (_, now) = (placement(self.what, self.motion, x) for x in (0.0, t))
+        return now - first
+
+    def rotation(self, t: float) -> float:
+        """Angle of the rotation from the initial position in radians, at most π.
+
+        From ‖R − R₀‖² = 8 sin²(θ/2), which is accurate for small angles too.
+        """
+        (first, _), (now, _) = (placement(self.what, self.motion, x) for x in (0.0, t))
+        sine = np.linalg.norm(now - first) / np.sqrt(8)
+        return 2 * float(np.arcsin(min(sine, 1.0)))
+
+    def gaps(self, x: ndarray, t: float) -> Gaps:
+        """Gaps of points, shape (3, n).
+
+        Raises
+        ------
+        SurfaceError
+            If level or gradient of the surface is not finite at a point that the tool
+            may touch.
+        """
+        rotation, translation = placement(self.what, self.motion, t)
+        local = rotation.T @ (x - translation[:, None])
+        near, unit = self._near(local)
+        level, gradient = self._first_order(local[:, near])
+        within = self._within(local[:, near])
+        values = np.vstack([level, gradient])[:, within]
+        self._refuse_undefined("level or gradient", values, x[:, near[within]])
+        slope = np.linalg.norm(gradient, axis=0)
+        regular = slope > 0  # it vanishes where a point has no closest one
+        near, slope, within = near[regular], slope[regular], within[regular]
+        distance, slopes = np.full((2, x.shape[1]), np.inf)
+        distance[near], slopes[near] = level[regular] / slope, slope
+        unit[:, near] = gradient[:, regular] / slope
+        touched = near[within]
+        gap = np.full(x.shape[1], np.inf)
+        gap[touched] = self._sign * distance[touched] + self._offset(t)
+        return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
+
+    def _refuse_undefined(self, method: str, values: ndarray, x: ndarray) -> None:
+        """Refuse values of the surface, shape (m, n), not finite at points (3, n)."""
+        defined = np.isfinite(values).all(axis=0)
+        if not defined.all():
+            raise SurfaceError(
+                f"{self.what}: {method} of the surface is not finite at "
+                f"{self.place(x[:, defined.argmin()])}",
+                advice="a surface that is finite beyond the ply, or an outline",
+            )
+
+    def _near(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """Numbers of points that may touch the surface, and normals at the others."""
+        far_away = getattr(self.surface, "far_away", None)
+        if far_away is None or self.reach is not None:
+            return np.arange(x.shape[1]), np.zeros(x.shape)
+        side, normals = far_away(x)
+        return np.flatnonzero(side != self.side), normals.copy()
+
+    def derivatives(
+        self, at: Gaps, nodes: ndarray, t: float
+    ) -> tuple[ndarray, ndarray]:
+        """∇g and ∇²g at some points, to leading order in the distance.
+
+        Shapes (3, n) and (3, 3, n).
+        """
+        rotation, translation = placement(self.what, self.motion, t)
+        surface, local = CheckedSurface(self.what, self.surface), at.local[:, nodes]
+        H = surface.hessian(local)
+        x = rotation @ local + translation[:, None]
+        self._refuse_undefined("hessian", H.reshape(9, -1), x)
+        H = H * (self._sign / at.slope[nodes])
+        H = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
+        n = at.normal[:, nodes]
+        turn = np.einsum("ijn,jn->in", H, n)  # zero if φ is a distance
+        both = n[:, None] * turn + turn[:, None] * n
+        along = turn - n * (n * turn).sum(axis=0)
+        return n - self._sign * at.distance[nodes] * along, H - both
+
+    @property
+    def _sign(self) -> int:
+        return self.side if self.reach is None else -self.side
+
+    def _offset(self, t: float) -> float:
+        return (0.0 if self.reach is None else self.reach(t)) - self.half
+
+    def _first_order(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        if hasattr(self.surface, "first_order"):
+            return self.surface.first_order(x)
+        surface = CheckedSurface(self.what, self.surface)
+        return surface.level(x), surface.gradient(x)
+
+    def _within(self, x: ndarray) -> ndarray:
+        """True for points that the tool may touch."""
+        within = np.ones(x.shape[1], dtype=bool)
+        if self.outline is not None:
+            from .outline import inside
+
+            within &= inside(self.outline, x[:2])
+        beyond = getattr(self.surface, "beyond_edges", None)
+        if beyond is not None and within.any():
+            within[within] = beyond(x[:, within]) == 0
+        return within
+
+    def _side_at_rest(self) -> int:
+        """Side of the surface on which the undeformed ply lies."""
+        at = replace(self, reach=no_reach).gaps(self.X, 0.0)
+        distance = np.where(np.isfinite(at.gap), at.distance, 0.0)
+        size = float(np.ptp(self.X, axis=1).max())
+        if not np.isfinite(at.gap).any():
+            raise ValueError(
+                f"{self.what}: no node of the undeformed ply is within its edges or "
+                "outline, so that its side is not known: check the positions and units "
+                "of tool and ply, or specify side=1 or side=-1"
+            )
+        above, below = float(distance.max()), -float(distance.min())
+        if max(above, below) <= _ROUND_OFF * size:
+            raise ValueError(
+                f"{self.what}: the surface is in the plane of the undeformed ply, so "
+                "that its side is not known: specify side=1 or side=-1"
+            )
+        if min(above, below) > _ROUND_OFF * size:
+            depth = np.maximum(-distance if above > below else distance, 0.0)
+            node = int(depth.argmax())
+            raise ValueError(
+                f"{self.what} crosses the undeformed ply: node {node} at "
+                f"{self.place(self.X[:, node])} is {depth[node]:.3g} mm inside it: "
+                "move the tool, or specify its side"
+            )
+        return 1 if above > below else -1
+
+
+def refuse_extent(what: str, surface: Surface, mesh: Mesh) -> None:
+    """Refuse triangles that pass between the nodes of a ply, or in another unit.
+
+    Parameters
+    ----------
+    what
+        The tool, at the beginning of messages.
+    surface
+        Its surface; one without ``facets``, which `drape.TriangleMesh` has, is valid.
+    mesh
+        Mesh of the ply.
+
+    Raises
+    ------
+    ValueError
+        If the triangles extend over less than two elements, or over more than 100 times
+        the size of the ply.
+    """
+    if not hasattr(surface, "facets"):
+        return
+    extent = float(np.ptp(surface.facets.points, axis=1).max())
+    edges = np.diff(mesh.p[:, mesh.facets], axis=1)
+    element, size = float(np.hypot(*edges).max()), float(np.ptp(mesh.p, axis=1).max())
+    off = ""
+    if extent < 2 * element:
+        off = f"less than two elements of the ply, {element:.3g} mm each"
+    elif extent > _LARGEST * size:
+        off = f"over {_LARGEST:g} times the size of the ply, {size:.3g} mm"
+    if off:
+        raise ValueError(f"{what} extends over {extent:.3g} mm, {off}: check its unit")
+
+
+def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
+    """Validated corners of an outline."""
+    if outline is None:
+        return None
+    corners = real_numbers(f"{what}: outline", outline)
+    if corners.ndim != 2 or corners.shape[0] != 2 or corners.shape[1] < 3:
+        raise ValueError(
+            f"{what}: outline must have the shape (2, n) with at least three corners, "
+            f"not {corners.shape}"
+        )
+    if not np.isfinite(corners).all():
+        raise ValueError(f"{what}: outline must be finite")
+    from .outline import crossing_edges, is_flat
+
+    if (crossing := crossing_edges(corners)) is not None:
+        first, second = (f"from corner {i}" for i in crossing)
+        raise ValueError(f"{what}: the edges of the outline {first} and {second} cross")
+    if is_flat(corners):
+        raise ValueError(f"{what}: the outline encloses no area")
+    return corners
+
+
+def node_areas(basis: CellBasis) -> ndarray:
+    """Integral of the shape function of each node in mm², shape (n_nodes,)."""
+    return asm(LinearForm(lambda v, w: v[0]), basis)[:: components(basis)]
+
+
+def nodal_matrix(blocks: ndarray) -> csr_matrix:
+    """Matrix of blocks on the diagonal, one per node, shape (1, 3, 3, n_nodes)."""
+    n = blocks.shape[-1]
+    data = np.ascontiguousarray(np.moveaxis(blocks[0], 2, 0)), np.arange(n)
+    return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
+
+
+class _ContactForces(TermParameters):
+    """Contact forces and stiffnesses; no contact at rest."""
+
+    def __init__(self, contact: "ToolContact") -> None:
+        self._contact = contact
+
+    def at_rest(self) -> Values:
+        """No contact."""
+        zero = np.zeros(self._contact.nodes.size)
+        return Values({"force": zero, "stiffness": zero})
+
+    def updated(
+        self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
+    ) -> Values:
+        """Multipliers max(λ − κ g, 0)."""
+        force = self._contact.forces(u, t, values)
+        return Values({**values, "force": force})
+
+
+class ToolContact(ContactTerm):
+    """Contact of the nodes of a ply with a `Tool`.
+
+    Attributes
+    ----------
+    nodes
+        Numbers of all nodes, shape (1, n_nodes).
+    areas
+        Integral of the shape function of each node in mm², shape (n_nodes,).
+    """
+
+    def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
+        self.name, self._obstacle = name, obstacle
+        self.nodes = np.arange(obstacle.X.shape[1])[None]
+        self.areas = node_areas(basis)
+        self._takes_part = self.areas > _NO_AREA * self.areas.max()
+        self.parameters = _ContactForces(self)
+        self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
+
+    def stated(self, x: ndarray) -> ndarray:
+        """Positions, shape (3, n), in the axes of messages, see `Tool`."""
+        return self._obstacle.stated(x)
+
+    def place(self, position: ndarray) -> str:
+        """Position in a message, given in the axes of the ply, shape (3,)."""
+        return self._obstacle.place(position)
+
+    def travel(self, t: float) -> ndarray:
+        """See `ContactTerm.travel`."""
+        return self._obstacle.travel(t)
+
+    def rotation(self, t: float) -> float:
+        """See `ContactTerm.rotation`."""
+        return self._obstacle.rotation(t)
+
+    @property
+    def thickness(self) -> float:
+        """Thickness of the ply in mm that is stated for the tool."""
+        return 2 * self._obstacle.half
+
+    def gaps(self, u: ndarray, t: float) -> ndarray:
+        """See `ContactTerm.gaps`."""
+        return np.where(self._takes_part, self._at(u, t).gap, np.inf)
+
+    def reaches(self, u: ndarray, t: float) -> bool:
+        """True if a node of the ply is within the edges and outline of the tool."""
+        return bool(np.isfinite(self.gaps(u, t)).any())
+
+    def gaps_at(self, x: ndarray, t: float) -> ndarray:
+        """Distances of points from the tool in mm, shape (n,)."""
+        return self._obstacle.gaps(x, t).gap
+
+    def normals(self, u: ndarray, t: float) -> ndarray:
+        """See `ContactTerm.normals`."""
+        return self._at(u, t).normal
+
+    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
+        """See `ContactTerm.curvatures`."""
+        return self._obstacle.derivatives(self._at(u, t), nodes, t)[1]
+
+    def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """See `ContactTerm.forces`."""
+        kappa = p["stiffness"]
+        if not kappa.any():
+            return np.zeros(len(kappa))
+        gap = self.gaps(u, t)
+        reached = np.isfinite(gap)
+        return np.where(
+            reached, np.maximum(p["force"] - kappa * np.where(reached, gap, 0), 0), 0.0
+        )
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """Σ (max(λ − κ g, 0)² − λ²)/2κ."""
+        kappa = p["stiffness"]
+        if not kappa.any():
+            return 0.0
+        force = self.forces(u, t, p)
+        return float(((force**2 - p["force"] ** 2) / (2 * kappa)).sum())
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """−max(λ − κ g, 0) ∇g."""
+        force = self.forces(u, t, p)
+        f = np.zeros((len(force), 3))
+        if force.any():
+            nodes = np.flatnonzero(force)
+            normal, _ = self._obstacle.derivatives(self._at(u, t), nodes, t)
+            f[nodes] = -(force[nodes] * normal).T
+        return f.ravel()
+
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
+        """κ ∇g∇gᵀ − λ∇²g of the nodes that touch, shape (1, 3, 3, n_nodes)."""
+        kappa = p["stiffness"]
+        if not kappa.any():
+            return None
+        force = self.forces(u, t, p)
+        K = np.zeros((3, 3, len(force)))
+        if (nodes := np.flatnonzero(force)).size:
+            normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
+            K[..., nodes] = kappa[nodes] * normal[:, None] * normal
+            K[..., nodes] -= p["force"][nodes] * H
+        return K[None]
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
+        """Derivative of the residual at forces λ."""
+        blocks = self.matrices(u, t, p)
+        return None if blocks is None else nodal_matrix(blocks)
+
+    def passed(self, u_0: ndarray, t_0: float, u: ndarray, t: float) -> ndarray:
+        """See `ContactTerm.passed`.
+
+        Seen from the tool, a node moves straight from one side of it to another, with
+        an opposite normal, through the inside of the tool.
+        """
+        before, after = self._at(u_0, t_0), self._at(u, t)
+        (turned, _), (rotation, translation) = map(self._placement, (t_0, t))
+        normals = rotation @ turned.T @ before.normal, after.normal
+        opposite = (normals[0] * normals[1]).sum(axis=0) < 0
+        nodes = np.flatnonzero(opposite & self._takes_part)
+        if not nodes.size:
+            return nodes
+        depth = np.zeros(nodes.size)
+        for share in np.linspace(0, 1, _INTERMEDIATE + 2)[1:-1]:
+            local = (1 - share) * before.local + share * after.local
+            x = rotation @ local[:, nodes] + translation[:, None]
+            depth = np.maximum(depth, -self._obstacle.gaps(x, t).gap)
+        return nodes[depth > _ROUND_OFF * np.ptp(self._obstacle.X)]
+
+    def _placement(self, t: float) -> tuple[ndarray, ndarray]:
+        return placement(self._obstacle.what, self._obstacle.motion, t)
+
+    def _at(self, u: ndarray, t: float) -> Gaps:
+        """Gaps at the nodes of a displacement, which an iteration uses repeatedly."""
+        last_u, last_t, last = self._last
+        if last is not None and t == last_t and np.array_equal(u, last_u):
+            return last
+        gaps = self._obstacle.gaps(self._obstacle.X + u.reshape(-1, 3).T, t)
+        self._last = u.copy(), t, gaps
+        return gaps
