@@ -18,7 +18,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from skfem import CellBasis, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers
+from ..mesh.user_input import call_user_function, coords, keep_copies, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm
 from ..solve.on_surface import (
@@ -27,7 +27,7 @@ from ..solve.on_surface import (
     check_surface,
     in_axes_of_ply,
 )
-from ..surfaces.surface import Surface, place
+from ..surfaces.surface import Surface
 from .outline import crossing_edges, inside, is_flat
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
@@ -213,7 +213,7 @@ class Obstacle:
 
     def place(self, position: ndarray) -> str:
         """Position in a message, given in the axes of the ply, shape (3,)."""
-        return place(self.stated(position[:, None])[:, 0])
+        return f"{coords(self.stated(position[:, None])[:, 0], 4)} mm"
 
     @classmethod
     def of(

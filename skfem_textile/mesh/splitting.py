@@ -20,6 +20,7 @@ from .checks import MeshError, refuse_nodes
 from .progress import shown
 from .scikit_fem import with_names
 from .selection import NamedNodes, edge_numbers, named_nodes
+from .user_input import coords
 
 
 def edges_of(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray]:
@@ -53,15 +54,10 @@ def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> nd
         others = f", or {more} further pair(s) of its nodes" if more else ""
         raise MeshError(
             f"boundary {name!r}: no edge of the mesh joins nodes {a} and {b}, at "
-            f"{_position(points, a)} and {_position(points, b)}{others}; specify "
+            f"{coords(points[:, a])} and {coords(points[:, b])}{others}; specify "
             "edges of cells"
         )
     return numbers
-
-
-def _position(points: ndarray, node: int) -> str:
-    x, y = points[:, node].tolist()
-    return f"({x:g}, {y:g})"
 
 
 def hat_functions(mesh: Mesh, n_nodes: int) -> csr_matrix:

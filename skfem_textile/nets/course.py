@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import onto
 from ..surfaces.triangle_mesh import TriangleMesh
@@ -188,9 +189,9 @@ def _thread(
 def _outline(tool: TriangleMesh, laid: Net) -> FlatPattern:
     """Outline of a strip: the ends of its warp threads at the edges of a tool."""
     if laid.folds.size:
-        place = np.round(laid.folds[:, 0], 3).tolist()
         raise ValueError(
-            f"courses: a strip folds at {place}: use a narrower roll, or another start"
+            f"courses: a strip folds at {coords(laid.folds[:, 0])} mm: use a narrower "
+            "roll, or another start"
         )
     status = laid.status == Status.LAID
     x = laid.positions

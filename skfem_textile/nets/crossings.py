@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.user_input import CopiedError
+from ..mesh.user_input import CopiedError, coords
 from .laying import QUADRANTS, Status
 
 # Rounding of the length of a rod, relative to it.
@@ -25,7 +25,7 @@ class NetError(CopiedError, ValueError):
     """
 
     def __init__(self, what: str, position: ndarray, advice: str = "") -> None:
-        super().__init__(f"net: {what} at {np.round(position, 3).tolist()}{advice}")
+        super().__init__(f"net: {what} at {coords(position)} mm{advice}")
         self.position = position
 
 

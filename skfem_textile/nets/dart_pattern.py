@@ -8,6 +8,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.overlap import signed_areas
+from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.triangles import unit
 from .crossings import Net
@@ -142,9 +143,9 @@ def _hole(laid: NetWithDarts, curve: ArrayLike, spacing: float) -> FlatPattern:
     flat = _flat(laid, points, laid.side_of(points))
     steps = np.linalg.norm(flat - np.roll(flat, -1, axis=1), axis=0)
     if steps.max() > JUMP * spacing:
-        place = np.round(points[:, steps.argmax()], 3).tolist()
         raise ValueError(
-            f"net with darts: a hole crosses the seam of a dart at {place}"
+            "net with darts: a hole crosses the seam of a dart at "
+            f"{coords(points[:, steps.argmax()])} mm"
         )
     return FlatPattern(flat, points, *_fibres(laid, points.shape[1]))
 
@@ -272,10 +273,10 @@ def _flat(laid: NetWithDarts, x: ndarray, number: ndarray) -> ndarray:
 
 def _refuse(x: ndarray) -> None:
     """Refuse a net that does not cover points of an outline or a seam."""
-    point = ", ".join(f"{c:.7g}" for c in x[:, 0])
     raise ValueError(
         f"net with darts: the net does not cover {x.shape[1]} points of the outline or "
-        f"a seam, the first at [{point}]: start elsewhere, or trim inside"
+        f"a seam, the first at {coords(x[:, 0])} mm: start elsewhere, or trim "
+        "inside"
     )
 
 

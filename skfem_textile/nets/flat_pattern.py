@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..mesh.overlap import Boundary, contact_of, signed_areas
 from ..mesh.requirements import require
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import coords, real_numbers
 from ..surfaces.analytic import positive_length
 from ..surfaces.tool_mesh import curve_length
 from .sheet import Sheet, SheetPoints
@@ -168,9 +168,9 @@ def _outlined(sheet: Sheet, curve: ArrayLike, spacing: float) -> FlatPattern:
     outline = sheet.flat_at(places)
     steps = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=0)
     if steps.max() > JUMP * spacing:
-        point = np.round(points[:, steps.argmax()], 3).tolist()
         raise ValueError(
-            f"flat pattern: the outline jumps by {steps.max():.3g} mm at {point}, "
+            f"flat pattern: the outline jumps by {steps.max():.3g} mm at "
+            f"{coords(points[:, steps.argmax()])} mm, "
             "because the ply overlaps itself there or the curve runs around the tool: "
             "specify another curve, or a start inside it"
         )
@@ -193,10 +193,9 @@ def refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
     for hole in holes:
         cut = Polygon(hole.outline.T)
         if not left.contains(cut):
-            point = np.round(hole.on_tool[:, 0], 3).tolist()
             raise ValueError(
-                f"flat pattern: the hole that passes {point} crosses the outline or "
-                "another hole: specify closed curves that do not meet"
+                f"flat pattern: the hole that passes {coords(hole.on_tool[:, 0])} mm "
+                "crosses the outline or another hole: specify curves that do not meet"
             )
         left = left.difference(cut)
 
@@ -206,11 +205,10 @@ def _points_on_ply(sheet: Sheet, points: ndarray) -> SheetPoints:
     places = sheet.at(points)
     off = np.flatnonzero(~places.found)
     if off.size:
-        point = ", ".join(f"{c:.7g}" for c in points[:, off[0]])
         raise ValueError(
             f"flat pattern: the ply does not lie on {off.size} of {points.shape[1]} "
-            f"points of the curve, the first at [{point}]: lay the ply up to there, "
-            "trim inside it, or specify more points of the curve"
+            f"points of the curve, the first at {coords(points[:, off[0]])} mm: lay "
+            "the ply up to there, trim inside it, or specify more points of the curve"
         )
     return places
 
@@ -231,10 +229,9 @@ def refuse_crossing(outline: ndarray, points: ndarray) -> None:
         )
     at = np.concatenate([contact.crossing, contact.doubled])
     if at.size:
-        point = np.round(points[:, at[0]], 3).tolist()
         raise ValueError(
-            f"flat pattern: the outline crosses itself at {point}: specify a curve "
-            "that runs once around the part"
+            f"flat pattern: the outline crosses itself at {coords(points[:, at[0]])} "
+            "mm: specify a curve that runs once around the part"
         )
 
 

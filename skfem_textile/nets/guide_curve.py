@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import coords, real_numbers
 
 # Angle in degrees between two edges of an outline that meet at a corner.  Chosen:
 # outlines of round parts have at least twenty edges.
@@ -94,7 +94,7 @@ class Walk:
         if beyond.size and not beyond[0]:
             raise ValueError(
                 f"net: the curve of a first thread is {away[0]:.3g} mm away from the "
-                f"tool at {np.round(self.points[:, 0], 3).tolist()}: specify a curve "
+                f"tool at {coords(self.points[:, 0])} mm: specify a curve "
                 "on the tool"
             )
         if not beyond.size:

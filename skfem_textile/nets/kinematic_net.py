@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import coords, real_numbers
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import Surface, onto, tangents
 from ..surfaces.triangle_mesh import TriangleMesh
@@ -236,7 +236,7 @@ def start_of(
         if not np.linalg.norm(on_curve - place) <= cell:
             raise ValueError(
                 f"net: the curve of a first thread passes the start "
-                f"{np.round(place, 3).tolist()} at a distance of "
+                f"{coords(place)} mm at a distance of "
                 f"{np.linalg.norm(on_curve - place):.3g} mm: specify a start on it"
             )
         place = on_curve
@@ -325,7 +325,7 @@ def _laid(
         for start in starts:
             if beyond(start.point[:, None])[0] > 0:
                 raise ValueError(
-                    f"net: the start {np.round(start.point, 3).tolist()} is beyond the "
+                    f"net: the start {coords(start.point)} mm is beyond the "
                     "edges of the tool: start on the tool"
                 )
 

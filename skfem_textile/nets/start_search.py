@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import OffSurfaceError, onto
 from ..surfaces.triangle_mesh import TriangleMesh
@@ -292,12 +293,12 @@ class _Search:
         found = self._measured([*starts, *others], cell)
         best = min(found, key=lambda one: one.value)
         if best.net is None or best.missing.size:
-            place = ", ".join(f"{c:.4g}" for c in best.missing.mean(axis=1))
             share = best.missing.shape[1] / self._points.shape[1]
             raise ValueError(
                 "best start: no net covers the part without a fold; the best of "
                 f"{len(self._tried) + len(others)} misses {100 * share:.2g} % of it, "
-                f"around ({place}) mm: use a smaller part, or darts"
+                f"around {coords(best.missing.mean(axis=1), 4)} mm: use a smaller "
+                "part, or darts"
             )
         tried = [(np.asarray(s.point), np.asarray(s.first)) for s, *_ in self._tried]
         points, directions = np.array(tried).transpose(1, 2, 0)

@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 from shapely.geometry.polygon import orient
 
 from ..fabric import Fabric, unit_vectors
-from .outline import NEAR, Outline, place
+from ..mesh.user_input import coords
+from .outline import NEAR, Outline
 
 #: Turn in radians from which a corner counts as one; a smaller one approximates a
 #: curve.  Chosen: a circle of 18 corners turns by 0.349.
@@ -104,7 +105,7 @@ class Field:
         except ValueError as error:
             for i in range(x.shape[1] if x.shape[1] > 1 else 0):
                 self.at(x[:, i : i + 1])  # find the place
-            raise ValueError(f"{error}; it is not at {place(x[:, 0])}") from None
+            raise ValueError(f"{error}; it is not at {coords(x[:, 0])}") from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,8 +291,8 @@ class Cell:
                 points.append(q[:, i + 1])
             along = last
         raise ValueError(
-            f"{field.name}: the fibre from {place(p)} does not reach the outline; "
-            f"it was followed to {place(points[-1])}: are there sources nearby?"
+            f"{field.name}: the fibre from {coords(p)} does not reach the outline; "
+            f"it was followed to {coords(points[-1])}: are there sources nearby?"
         )
 
     def _chord_exit(
@@ -366,7 +367,7 @@ class Cell:
             at = x[:, passes] + share * (y - x)[:, passes]
             parallel = np.hstack([parallel, at])
         if parallel.size:
-            raise ValueError(f"warp and weft are parallel at {place(parallel[:, 0])}")
+            raise ValueError(f"warp and weft are parallel at {coords(parallel[:, 0])}")
         complete = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
         corners = grid[:, :-1, :-1][:, complete]
         for field in self.fields:
@@ -382,7 +383,7 @@ class Cell:
             step /= 2
             shifts = step * np.array([[0, 1, 0, 1], [0, 0, 1, 1]])
             corner = (corner[:, :, None] + shifts[:, None]).reshape(2, -1)
-        where = place(corner[:, _turns_around(field, corner, step)][:, 0] + step / 2)
+        where = coords(corner[:, _turns_around(field, corner, step)][:, 0] + step / 2)
         raise ValueError(
             f"{field.name} has a source or a centre near {where}; cut a hole there"
         )

@@ -16,6 +16,7 @@ from numpy import ndarray
 
 from ..fabric import Fabric, TensionOnly, TwoLaws
 from ..fabric.law import domain_of, mean_slope
+from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
 from .cells import (
     CORNER,
@@ -24,7 +25,7 @@ from .cells import (
     cross,
     lines_between,
 )
-from .outline import NEAR, Outline, place
+from .outline import NEAR, Outline
 from .seeds import Seed, boundary_of, seeds_of_corners
 
 #: Maximum number of lines.
@@ -292,7 +293,7 @@ class _Tracing:
         if len(self.found) > MOST_LINES:
             raise ValueError(
                 f"there are more than {MOST_LINES} singular fibres, the last one from "
-                f"{place(fibre.points[:, 0])}: reflections closer than "
+                f"{coords(fibre.points[:, 0])}: reflections closer than "
                 f"{self._width:.3g} mm are left out; a larger size, or a larger "
                 "`finest` of singular_fibres, leaves out more"
             )
@@ -355,7 +356,7 @@ def _free_corners(outline: Outline, tracing: _Tracing) -> list[Seed]:
                 tracing.held_at(x - before[:, i] / 2)
                 or tracing.held_at(x + after[:, i] / 2)
             ):
-                seeds.append(Seed(x, f"free corner {place(x)}"))
+                seeds.append(Seed(x, f"free corner {coords(x)}"))
     return seeds
 
 

@@ -23,6 +23,7 @@ from ..mesh.selection import (
     with_named_nodes,
 )
 from ..mesh.splitting import boundary_edges, corner_areas, edges_of
+from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
 from .collapsing import (
     FIXED,
@@ -33,7 +34,7 @@ from .collapsing import (
     smallest_angles,
 )
 from .fibres import singular_fibres
-from .outline import Outline, place
+from .outline import Outline
 
 log = logging.getLogger(__name__)
 
@@ -380,7 +381,7 @@ class _Fit:
                 "singular fibres, the outline or named nodes are close; use smaller "
                 "elements there, or mesh_outline",
                 angles[least],
-                place(self.p[:, self.t[:, least]].mean(axis=1)),
+                coords(self.p[:, self.t[:, least]].mean(axis=1)),
             )
 
     def _edges_along(self, i: int, fitted: Mesh) -> ndarray:
@@ -396,7 +397,7 @@ class _Fit:
         if missed > _MISSED * fibre.length:
             rest = fibre - shapely.buffer(shapely.union_all(edges), 10 * self._near)
             part = max(shapely.get_parts(rest), key=shapely.length, default=fibre)
-            where = place(np.array(part.coords[0]))
+            where = coords(np.array(part.coords[0]))
             log.warning(
                 "%.3g mm of a singular fibre of %.3g mm have no edges, near %s; "
                 "use smaller elements there, or mesh_outline",

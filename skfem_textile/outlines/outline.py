@@ -13,7 +13,7 @@ from shapely.validation import explain_validity
 from skfem import Mesh
 
 from ..mesh.selection import named_nodes
-from ..mesh.user_input import printable, real_numbers
+from ..mesh.user_input import coords, printable, real_numbers
 
 if TYPE_CHECKING:
     from .drawings import Curve, Ring
@@ -120,7 +120,7 @@ class Outline:
             if both.area > NEAR * self.size**2:
                 raise ValueError(
                     f"the regions {a!r} and {b!r} overlap near "
-                    f"{place(both.representative_point())}"
+                    f"{coords(both.representative_point())}"
                 )
 
     def shape(self) -> shapely.Polygon:
@@ -142,12 +142,12 @@ class Outline:
                 where = shapely.shortest_line(rings[0], ring)
                 raise ValueError(
                     f"{what[i]} touches or crosses the outer polygon at "
-                    f"{place(shapely.get_point(where, 0))}"
+                    f"{coords(shapely.get_point(where, 0))}"
                 )
             if not outer.contains(ring):
                 raise ValueError(
                     f"{what[i]} lies outside the outer polygon, near "
-                    f"{place(shapely.get_point(ring, 0))}"
+                    f"{coords(shapely.get_point(ring, 0))}"
                 )
         inner = np.array(rings[1:], dtype=object)
         tree = shapely.STRtree(inner)
@@ -158,7 +158,7 @@ class Outline:
                 where = shapely.shortest_line(rings[i + 1], rings[j + 1])
                 raise ValueError(
                     f"{what[i + 1]} and {what[j + 1]} touch or overlap at "
-                    f"{place(shapely.get_point(where, 0))}; give them as one hole"
+                    f"{coords(shapely.get_point(where, 0))}; give them as one hole"
                 )
 
     def _named(
@@ -211,7 +211,7 @@ class Outline:
         if x.shape != (2,) or not np.isfinite(x).all():
             raise ValueError(f"point {name!r} must be a finite pair (x, y) in mm")
         if self._shape.distance(shapely.Point(x)) > NEAR * self.size:
-            raise ValueError(f"point {name!r} at {place(x)} lies outside the outline")
+            raise ValueError(f"point {name!r} at {coords(x)} lies outside the outline")
         return x
 
     def _region(self, name: str, corners: ArrayLike) -> ndarray:
@@ -223,7 +223,7 @@ class Outline:
         ring = valid_ring(f"region {name!r}", corners)
         if (self._shape & shapely.Polygon(ring.T)).area <= NEAR * self.size**2:
             raise ValueError(
-                f"region {name!r} at {place(ring[:, 0])} lies outside the outline"
+                f"region {name!r} at {coords(ring[:, 0])} lies outside the outline"
             )
         return ring if signed_area(ring) > 0 else np.ascontiguousarray(ring[:, ::-1])
 
@@ -365,12 +365,6 @@ class Outline:
         return cls(corners[0], corners[1:], edges, **more)
 
 
-def place(point: Any) -> str:
-    """Position as text, of a point of shapely or an array of shape (2,)."""
-    x, y = point.coords[0] if hasattr(point, "coords") else point
-    return f"({x + 0.0:.6g}, {y + 0.0:.6g})"
-
-
 def signed_area(ring: ndarray) -> float:
     """Area of a polygon with corners (2, n), positive if they run anticlockwise."""
     x, y = ring - ring[:, :1]
@@ -400,15 +394,15 @@ def valid_ring(what: str, corners: ArrayLike) -> ndarray:
     short = np.hypot(*(np.roll(ring, -1, axis=1) - ring)) <= NEAR * size
     if short.any():
         raise ValueError(
-            f"{what} has coincident corners at {place(ring[:, short.argmax()])}"
+            f"{what} has coincident corners at {coords(ring[:, short.argmax()])}"
         )
     if ring.shape[1] < 3 or _width(ring) <= NEAR * size:
-        raise ValueError(f"{what} has no area, at {place(ring[:, 0])}")
+        raise ValueError(f"{what} has no area, at {coords(ring[:, 0])}")
     polygon = shapely.Polygon(ring.T)
     if not polygon.is_valid:
         where = explain_validity(polygon).partition("[")[2].rstrip("]").split()
         raise ValueError(
-            f"{what} crosses or touches itself at {place(np.array(where, float))}"
+            f"{what} crosses or touches itself at {coords(np.array(where, float))}"
         )
     return ring
 

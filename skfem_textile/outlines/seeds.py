@@ -9,7 +9,7 @@ import shapely
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from ..mesh.user_input import call_user_function
+from ..mesh.user_input import call_user_function, coords
 from ..ply.loads import (
     BodyForce,
     Force,
@@ -19,7 +19,7 @@ from ..ply.loads import (
 from ..solve.conditions import Condition, Conditions
 from ..solve.on_surface import OnSurface
 from .cells import CORNER, Cell
-from .outline import NEAR, Outline, place
+from .outline import NEAR, Outline
 
 # Intervals of each edge between whose ends functions of position are evaluated.
 _INTERVALS = 256
@@ -190,7 +190,7 @@ def _where(what: str, where: Callable[[ndarray], ndarray], outline: Outline) -> 
     near = NEAR * outline.size
     for x in corners:
         if not _coincident(x[:, None], np.hstack([part.start, part.end]), near).any():
-            part.points[f"corner {place(x)}"] = x
+            part.points[f"corner {coords(x)}"] = x
     for name, x in outline.points.items():
         if holds(x[:, None])[0]:
             part.points[name] = x
@@ -401,15 +401,15 @@ def seeds_of_corners(
         for i, x in enumerate(cell.start.T):
             turn = cell.turn[i]
             if on_border[i] and on_outline[i]:
-                seeds.append(Seed(x, f"end of a border at {place(x)}"))
+                seeds.append(Seed(x, f"end of a border at {coords(x)}"))
             elif on_border[i] and abs(turn) >= CORNER:
-                seeds.append(Seed(x, f"corner of a border at {place(x)}"))
+                seeds.append(Seed(x, f"corner of a border at {coords(x)}"))
             elif turn <= -CORNER:
-                seeds.append(Seed(x, f"re-entrant corner {place(x)}"))
+                seeds.append(Seed(x, f"re-entrant corner {coords(x)}"))
             elif families := tuple(f for f in range(2) if touches[f][i]):
                 what = "a border" if on_border[i] else _ring_at(outline, corners[i])
                 families = (0, 1) if on_border[i] else families
-                seeds.append(Seed(x, f"grazing {what} at {place(x)}", families))
+                seeds.append(Seed(x, f"grazing {what} at {coords(x)}", families))
     return seeds
 
 

@@ -15,8 +15,8 @@ from skfem import CellBasis
 
 from ..mesh.bases import node_positions
 from ..mesh.selection import Where, selected_nodes
-from ..mesh.user_input import call_user_function, keep_copies
-from ..surfaces.surface import GrowingSurface, Surface, place
+from ..mesh.user_input import call_user_function, coords, keep_copies
+from ..surfaces.surface import GrowingSurface, Surface
 from .states import NoEquilibriumError
 
 # Tolerances for contact of the surface with the plane of the ply: distance, relative to
@@ -99,7 +99,7 @@ class OnSurface:
 
     def place(self, position: ndarray) -> str:
         """Position in a message, given in the axes of the ply, shape (3,)."""
-        return place(self.stated(position[:, None])[:, 0])
+        return f"{coords(self.stated(position[:, None])[:, 0], 4)} mm"
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
         """Numbers of the nodes on the surface, ascending.

@@ -5,6 +5,7 @@ from numpy import ndarray
 
 from ..mesh.checks import MeshError
 from ..mesh.graph import components
+from ..mesh.user_input import coords
 from .holes import of_outer_edges, parts_of, turning
 from .sewing import Sewing, sewn
 from .triangles import edges_once
@@ -127,7 +128,7 @@ def _valid(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
         triangle = np.flatnonzero((triangles == vertex).any(axis=0))[0]
         raise MeshError(
             f"triangle mesh: triangle {triangle + 1} has a corner at "
-            f"({xyz(x[vertex])}) mm, which is not finite or far from all others: "
+            f"{coords(x[vertex])} mm, which is not finite or far from all others: "
             "correct this vertex"
         )
     with np.errstate(over="ignore"):
@@ -257,7 +258,7 @@ def _branches(x: ndarray, triangles: ndarray) -> str:
     ends = x[edges[:, first[several][0]]]
     text = (
         f"{several.sum()} edge(s) belong to more than two triangles, one of them at "
-        f"({xyz(ends.mean(axis=0))}) mm"
+        f"{coords(ends.mean(axis=0))} mm"
     )
     if several.mean() > _BRANCHES:
         raise MeshError(
@@ -291,7 +292,7 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
     if (twisted := np.flatnonzero(side[:n] == side[n:])).size:
         place = x[triangles[:, twisted[0]]].mean(axis=0)
         raise MeshError(
-            f"triangle mesh: the surface around ({xyz(place)}) mm has only one side, "
+            f"triangle mesh: the surface around {coords(place)} mm has only one side, "
             "like a Moebius strip: export only the surface that is draped"
         )
     part = np.unique(np.minimum(side[:n], side[n:]), return_inverse=True)[1].reshape(-1)
@@ -303,7 +304,7 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
     if flat.any():
         place = x[triangles[:, flat[part]][0, 0]]
         raise MeshError(
-            f"triangle mesh: the separate part at ({xyz(place)}) mm has no area: "
+            f"triangle mesh: the separate part at {coords(place)} mm has no area: "
             "remove it"
         )
     share = np.bincount(part, area * turned) / np.bincount(part, area)
@@ -353,7 +354,7 @@ def _of_holes(x: ndarray, triangles: ndarray) -> str:
     place = x[open_edges[0, loop == hole]].mean(axis=0)
     return (
         f"the tool has {n} hole(s), the largest with a circumference of "
-        f"{around[hole]:.3g} mm around ({xyz(place)}) mm: a draped ply spans them on "
+        f"{around[hole]:.3g} mm around {coords(place)} mm: a draped ply spans them on "
         "a smooth continuation, a formed ply does not touch the tool there"
     )
 
@@ -385,7 +386,7 @@ def _of_shell(x: ndarray, triangles: ndarray) -> str:
     nearest = across.argmin()
     text = (
         f"opposite sides of the tool are {across[nearest]:.3g} mm apart at "
-        f"({xyz(centres[pairs[0, nearest]])}) mm, too close for edges of "
+        f"{coords(centres[pairs[0, nearest]])} mm, too close for edges of "
         f"{edge:.3g} mm"
     )
     if share > _SHELL:
@@ -394,8 +395,3 @@ def _of_shell(x: ndarray, triangles: ndarray) -> str:
             "smaller triangles"
         )
     return f"{text}: keep the ply away from there"
-
-
-def xyz(point: ndarray) -> str:
-    """Coordinates in a message."""
-    return ", ".join(f"{x:.6g}" for x in np.round(point, 6) + 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
-from ..mesh.user_input import CopiedError, shortened
+from ..mesh.user_input import CopiedError, coords, shortened
 
 # Distance from a surface, relative to the largest coordinate, below which a point is on
 # it, and maximum number of iterations of the projection.  Chosen: far below any element
@@ -69,13 +69,8 @@ class OffSurfaceError(CopiedError, ValueError):
     """
 
     def __init__(self, what: str, position: ndarray) -> None:
-        super().__init__(f"{what} at {place(position)}")
+        super().__init__(f"{what} at {coords(position, 4)} mm")
         self.what, self.position = what, position
-
-
-def place(position: ndarray) -> str:
-    """Position in a message."""
-    return f"({', '.join(f'{x:.4g}' for x in position)}) mm"
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from ..mesh.user_input import coords
 from .holes import filled
 from .quadrics import FITTED, Derivatives, Quadrics
-from .repair import mean_edge, repaired, xyz
+from .repair import mean_edge, repaired
 from .tool_mesh import ToolMesh
 from .triangles import ElementTree, boundary_edges, closest_on_triangles
 
@@ -126,8 +127,8 @@ class TriangleMesh:
         worst = int(np.abs(offset).argmax())
         if abs(offset[worst]) > _OFF * self._edge:
             return (
-                f"the vertex at ({xyz(self._x[worst])}) mm is {abs(offset[worst]):.2g} "
-                "mm away from the smooth surface through its neighbours: sharp edges "
+                f"the vertex at {coords(self._x[worst])} mm is {abs(offset[worst]):.2g}"
+                " mm away from the smooth surface through its neighbours: sharp edges "
                 "are rounded there, unless the vertex is wrong"
             )
         return ""
@@ -322,7 +323,7 @@ def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
     if not (length > _FACING * around).all():
         place = x[(length / np.maximum(around, 1e-300)).argmin()]
         raise MeshError(
-            f"triangle mesh: the triangles at the vertex ({xyz(place)}) mm are folded "
+            f"triangle mesh: the triangles at the vertex {coords(place)} mm are folded "
             "onto each other, like a spike: correct this vertex"
         )
     return normals / length

@@ -12,9 +12,9 @@ from scipy.spatial import KDTree
 
 from ...mesh.checks import refuse_metres
 from ...mesh.graph import components
+from ...mesh.user_input import coords
 from ..outline import (
     NEAR,
-    place,
     refuse_not_finite,
     valid_ring,
 )
@@ -206,7 +206,7 @@ def _traced(
         if len(incident) != 2:
             of = f" of {where[segments[incident[0]].curve]}" if where else ""
             raise ValueError(
-                f"{what}: {len(incident)} line(s) end at {place(p[:, node])}{of}; an "
+                f"{what}: {len(incident)} line(s) end at {coords(p[:, node])}{of}; an "
                 "outline has two at each corner: close it, or select layers"
             )
     rings: list[tuple[list[int], list[int]]] = []
@@ -276,7 +276,7 @@ def _nested(rings: list[Ring], what: str) -> list[Ring]:
             where = shapely.get_point(shapely.shortest_line(lines[i], lines[j]), 0)
             raise ValueError(
                 f"{what}: {_about(rings[i])} and {_about(rings[j])} touch or cross at "
-                f"{place(where)}"
+                f"{coords(where)}"
             )
     inside = tree.query(polygons, "contains_properly")[1]
     depth = np.bincount(inside, minlength=len(rings))
