@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.graph import boundary_edges
 from ..mesh.user_input import coords, printable
 from .interruption import held
 from .net_report import (
@@ -193,7 +194,6 @@ def _laid(options: argparse.Namespace) -> Part:
 def _edges(tool: "TriangleMesh", options: argparse.Namespace) -> list[ndarray]:
     """Closed curves along the edges of a tool; none if it is closed."""
     from ..io.file_numbers import errors_about
-    from ..surfaces.triangles import boundary_edges
 
     what = ", ".join(map(printable, options.tool))
     if boundary_edges(tool.facets.cells).size:

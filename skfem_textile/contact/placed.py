@@ -1,6 +1,7 @@
 """Triangles of tools where they stand at load factors, for pictures and files."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy import ndarray
 
 from ..ply import Ply
 from ..solve.states import State
-from ..surfaces.surface import Surface
+from ..surfaces.surface import OffSurfaceError, Surface, onto
 from ..surfaces.tool_mesh import triangles_within
 from .gaps import contacts
 from .outline import inside, nearest
@@ -137,7 +138,6 @@ def _cut(
     crossing &= ~within
     moved = x.copy()
     moved[:2, crossing] = nearest(outline, x[:2, crossing])
-    level = surface.level(moved[:, crossing])
-    gradient = surface.gradient(moved[:, crossing])
-    moved[:, crossing] -= level / (gradient**2).sum(axis=0) * gradient
+    with suppress(OffSurfaceError):  # at a kink, they stay at their height
+        moved[:, crossing] = onto(surface, moved[:, crossing])
     return moved, kept

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.graph import boundary_edges, edges_once
 from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import onto
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import boundary_edges, edges_once
 from .crossings import Net
 from .flat_pattern import FlatPattern, SeamLine
 from .kinematic_net import net
@@ -149,7 +149,7 @@ def _refuse_closed(tool: TriangleMesh) -> None:
     zero, as for a torus.
     """
     triangles = tool.facets.triangles()
-    _, first, _ = edges_once([triangles])
+    _, first, *_ = edges_once([triangles])
     euler = np.unique(triangles).size - first.size + triangles.shape[1]
     if euler and not boundary_edges([triangles]).size:
         raise ValueError(

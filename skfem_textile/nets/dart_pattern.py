@@ -19,6 +19,7 @@ from .flat_pattern import (
     SeamLine,
     refuse_crossing,
     refuse_holes,
+    spaced,
     spaced_curve,
 )
 from .laying import Status
@@ -173,7 +174,7 @@ def _with_seams(
         if (end - seam[:, last]) @ along < 0:
             last -= 1
         trimmed = np.column_stack([seam[:, : last + 1], end])
-        cuts.append((k, _spaced(trimmed, spacing)))
+        cuts.append((k, spaced(trimmed, spacing, closed=False)))
     flat = np.full((2, points.shape[1]), np.nan)
     others = ~np.isin(np.arange(points.shape[1]), [k for k, _ in cuts])
     flat[:, others] = _flat(laid, points[:, others], side[others])
@@ -239,15 +240,6 @@ def _tip(one: ndarray, other: ndarray, length: float) -> ndarray:
         along -= across * (along @ across) / width**2
     height = np.sqrt(max(length**2 - 0.25 * width**2, 0.0))
     return np.asarray(middle - height * unit(along))
-
-
-def _spaced(points: ndarray, spacing: float) -> ndarray:
-    """Open polyline with points at most a spacing apart."""
-    lengths = np.linalg.norm(np.diff(points), axis=0)
-    at = np.concatenate([[0.0], np.cumsum(lengths)])
-    more = np.linspace(0.0, at[-1], int(np.ceil(at[-1] / spacing)) + 1)
-    s = np.unique(np.concatenate([at, more]))
-    return np.array([np.interp(s, at, x) for x in points])
 
 
 def _located(laid: NetWithDarts, x: ndarray, side: int) -> ndarray:

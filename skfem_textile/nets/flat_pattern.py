@@ -162,7 +162,7 @@ def _outlined(sheet: Sheet, curve: ArrayLike, spacing: float) -> FlatPattern:
     """Outline of one curve."""
     points = _closed(curve)
     _points_on_ply(sheet, points)  # refuses a distant curve before points are added
-    points = _spaced(points, spacing)
+    points = spaced(points, spacing)
     places = _points_on_ply(sheet, points)
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
     outline = sheet.flat_at(places)
@@ -248,15 +248,17 @@ def _closed(curve: ArrayLike) -> ndarray:
 
 def spaced_curve(curve: ArrayLike, spacing: float) -> ndarray:
     """Points of a closed curve without duplicates, at most a spacing apart."""
-    return _spaced(_closed(curve), spacing)
+    return spaced(_closed(curve), spacing)
 
 
-def _spaced(points: ndarray, spacing: float) -> ndarray:
-    """Closed curve with points at most a spacing apart."""
+def spaced(points: ndarray, spacing: float, closed: bool = True) -> ndarray:
+    """Polyline with added points, at most a spacing apart."""
     after = np.roll(points, -1, axis=1)
     with np.errstate(over="ignore"):  # infinitely many are refused
         parts = np.linalg.norm(after - points, axis=0) / spacing
     counts = np.maximum(np.ceil(parts), 1.0)
+    if not closed:
+        counts[-1] = 1.0
     if not counts.sum() <= _MOST:
         raise ValueError(
             f"flat pattern: the outline would have {counts.sum():.3g} points, but at "

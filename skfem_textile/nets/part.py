@@ -6,11 +6,12 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ..mesh.graph import boundary_edges
 from ..mesh.requirements import require
 from ..surfaces.holes import laplacian, parts_of
 from ..surfaces.tool_mesh import curve_length, loops_of_edges
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import boundary_edges, closest_on_triangles
+from ..surfaces.triangles import closest_on_triangles
 from .crossings import Net
 from .flat_pattern import spaced_curve
 from .sheet import Sheet

@@ -3,9 +3,10 @@
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.graph import boundary_edges
 from ..surfaces.surface import OffSurfaceError, onto
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import boundary_edges, unit
+from ..surfaces.triangles import unit
 from .seams import Seam
 
 # Step of a seam relative to a cell.

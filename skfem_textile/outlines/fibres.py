@@ -26,7 +26,7 @@ from .cells import (
     lines_between,
 )
 from .outline import NEAR, Outline
-from .seeds import Seed, boundary_of, seeds_of_corners
+from .seeds import Seed, seeds_of_conditions, seeds_of_corners
 
 #: Maximum number of lines.
 MOST_LINES = 100_000
@@ -178,7 +178,7 @@ def singular_fibres(
     if finest is not None and not (np.isfinite(finest) and finest > 0):
         raise ValueError(f"finest must be a positive number of mm, got {finest}")
     cells = cells_of(outline, fabric, fabrics or {})
-    boundary = boundary_of(outline, conditions, loads)
+    supports = seeds_of_conditions(outline, conditions, loads)
     length = float(np.sqrt(outline.shape().area))
     everywhere = [fabric, *(fabrics or {}).values()]
     width = max(
@@ -186,15 +186,15 @@ def singular_fibres(
         length * max(_layer(one) for one in everywhere),
     )
     borders = lines_between(outline, cells)
-    seeds = boundary.seeds + seeds_of_corners(outline, cells, borders)
-    pieces = list(np.stack([boundary.start.T, boundary.end.T], axis=2))
-    tracing = _Tracing(cells, pieces, boundary.names, borders, width, outline.size)
+    seeds = supports.seeds + seeds_of_corners(outline, cells, borders)
+    pieces = list(np.stack([supports.start.T, supports.end.T], axis=2))
+    tracing = _Tracing(cells, pieces, supports.names, borders, width, outline.size)
     tracing.strong(seeds)
     fibres, free_ends = tracing.found, tracing.free_ends
     tracing.found = []
     weak = _free_corners(outline, tracing) + free_ends
     tracing.weak(weak)
-    notes = boundary.notes + [n for one in everywhere for n in _moving(one)]
+    notes = supports.notes + [n for one in everywhere for n in _moving(one)]
     return SingularFibres(
         fibres,
         tracing.found,
@@ -203,7 +203,7 @@ def singular_fibres(
         tracing.dropped,
         width,
         list(dict.fromkeys(notes)),
-        boundary.others,
+        supports.others,
     )
 
 

@@ -15,6 +15,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 
 from ..fabric import Fabric
 from ..mesh.checks import check_mesh
+from ..mesh.graph import boundary_edges, edges_of
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import (
     SINGULAR,
@@ -22,7 +23,7 @@ from ..mesh.selection import (
     named_nodes,
     with_named_nodes,
 )
-from ..mesh.splitting import boundary_edges, corner_areas, edges_of
+from ..mesh.splitting import corner_areas
 from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
 from .collapsing import (
@@ -273,7 +274,7 @@ class _Fit:
 
     def _cut_edges(self, i: int, edges: ndarray, at: ndarray) -> None:
         n, k = self.p.shape[1], at.shape[1]
-        on_outline = edge_numbers(boundary_edges([self.t]), edges) >= 0
+        on_outline = edge_numbers(np.sort(boundary_edges([self.t]), axis=0), edges) >= 0
         along = np.all(self._on[:, edges], axis=1)  # edges on other fibres
         at = self._at_both(i, edges, at, along)
         self.p = np.hstack([self.p, at])

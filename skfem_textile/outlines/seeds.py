@@ -204,8 +204,8 @@ def _where(what: str, where: Callable[[ndarray], ndarray], outline: Outline) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class Boundary:
-    """Held edges and seeds of conditions and loads.
+class ConditionSeeds:
+    """Supported edges, and seeds of conditions and loads.
 
     Attributes
     ----------
@@ -229,10 +229,10 @@ class Boundary:
     others: list[str]
 
 
-def boundary_of(
+def seeds_of_conditions(
     outline: Outline, conditions: Conditions | None, loads: Iterable[Any]
-) -> Boundary:
-    """Held edges, and seeds of conditions and loads.
+) -> ConditionSeeds:
+    """Supported edges, and seeds of conditions and loads.
 
     Raises
     ------
@@ -290,7 +290,7 @@ def boundary_of(
     none = [np.empty((2, 0))]
     start = np.hstack(none + [part.start for part in parts])
     end = np.hstack(none + [part.end for part in parts])
-    return Boundary(start, end, names, seeds, notes, others)
+    return ConditionSeeds(start, end, names, seeds, notes, others)
 
 
 def _of_part(part: Part, label: str, near: float) -> list[Seed]:

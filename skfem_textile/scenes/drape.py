@@ -13,7 +13,7 @@ from skfem import Mesh
 
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
-from ..mesh.graph import components
+from ..mesh.graph import boundary_edges, components
 from ..mesh.overlap import signed_areas
 from ..mesh.user_input import coords
 from ..nets.crossings import Net
@@ -21,7 +21,6 @@ from ..nets.fibres_in_space import Axes
 from ..surfaces.surface import OffSurfaceError, onto
 from ..surfaces.tool_mesh import ToolMesh
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import boundary_edges
 from .draped_ply import draped_ply, warn_of_net
 from .scene import Scene, with_parameters
 

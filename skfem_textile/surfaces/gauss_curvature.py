@@ -3,8 +3,9 @@
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.graph import boundary_edges
 from .triangle_mesh import TriangleMesh
-from .triangles import boundary_edges, unit
+from .triangles import unit
 
 
 class GaussCurvature:

@@ -5,9 +5,8 @@ from itertools import compress
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.graph import components
+from ..mesh.graph import boundary_edges, components
 from .tool_mesh import curve_length, loops_of_edges
-from .triangles import boundary_edges
 
 # Distance of the vertices of a patch from its edge, relative to their spacing.
 _INSIDE = 0.7

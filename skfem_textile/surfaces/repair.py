@@ -4,11 +4,10 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.graph import components
+from ..mesh.graph import components, edges_once
 from ..mesh.user_input import coords
 from .holes import of_outer_edges, parts_of, turning
 from .sewing import Sewing, sewn
-from .triangles import edges_once
 
 # Smallest and largest extent in mm.  Chosen: squares of areas are finite and nonzero.
 _LEAST, _LARGEST = 1e-50, 1e50
@@ -181,7 +180,7 @@ def _neighbours(triangles: ndarray) -> tuple[ndarray, ndarray]:
 
     Also 1 for those that run along the edge in opposite directions, else 0, shape (n,).
     """
-    edges, _, count = edges_once([triangles])
+    edges, _, _, count = edges_once([triangles])
     low, high = edges.min(axis=0).astype(np.int64), edges.max(axis=0)
     order = np.argsort(low * (int(high.max()) + 1) + high, kind="stable")
     start = (np.cumsum(count) - count)[count == 2]
@@ -235,7 +234,7 @@ def _around_openings(
 
     Also the open edges, (2, n), and the chain of each, (n,).
     """
-    edges, first, count = edges_once([triangles])
+    edges, first, _, count = edges_once([triangles])
     open_edges = edges[:, first[count == 1]]
     loop = components(len(x), open_edges)[open_edges[0]]
     length = np.linalg.norm(x[open_edges[0]] - x[open_edges[1]], axis=1)
@@ -251,7 +250,7 @@ def _branches(x: ndarray, triangles: ndarray) -> str:
     MeshError
         If there are many of them.
     """
-    edges, first, count = edges_once([triangles])
+    edges, first, _, count = edges_once([triangles])
     several = count > 2
     if not several.any():
         return ""

@@ -11,8 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.graph import components
-from .triangles import edges_once
+from ..mesh.graph import components, edges_once
 
 # Distance, relative to the extent, below which vertices coincide: single precision.
 _ONE = 1e-6
@@ -122,7 +121,7 @@ def _copies(
     """
     from scipy.spatial import KDTree
 
-    ends, first, count = edges_once([triangles])
+    ends, first, _, count = edges_once([triangles])
     length = np.linalg.norm(x[ends[0]] - x[ends[1]], axis=1)
     typical = float(np.median(length))
     reach = max(_COPIES) * typical
@@ -159,7 +158,7 @@ def _cut_at_vertices(x: ndarray, triangles: ndarray) -> tuple[ndarray, int, floa
     One edge of each triangle is cut.  Also the number of these vertices, and their
     largest distance from an edge in mm.
     """
-    edges, first, count = edges_once([triangles])
+    edges, first, _, count = edges_once([triangles])
     first = first[count == 1]
     edge, vertex, share, away = _on_open_edges(x, edges[:, first])
     side, triangle = np.divmod(first[edge], triangles.shape[1])

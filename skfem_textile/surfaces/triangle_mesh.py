@@ -11,12 +11,13 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from ..mesh.graph import boundary_edges
 from ..mesh.user_input import coords
 from .holes import filled
 from .quadrics import FITTED, Derivatives, Quadrics
 from .repair import mean_edge, repaired
 from .tool_mesh import ToolMesh
-from .triangles import ElementTree, boundary_edges, closest_on_triangles
+from .triangles import ElementTree, closest_on_triangles
 
 # Number of positions for which values are kept: a Newton iteration returns to the last
 # state after a trial step.

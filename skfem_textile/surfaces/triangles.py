@@ -1,6 +1,5 @@
 """Elements in space: edges, and the elements closest to points."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -106,28 +105,6 @@ def edge_lengths(positions: ndarray, elements: ndarray) -> ndarray:
     """Lengths of the edges of elements, shape (n_corners, n_elements)."""
     x = positions[:, elements]
     return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
-
-
-def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
-    """Nodes of edges that belong to one element only, in its orientation, (2, n)."""
-    edges, first, count = edges_once(cells)
-    return edges[:, first[count == 1]]
-
-
-def edges_once(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray, ndarray]:
-    """Edges of elements, shape (2, n), in their orientation, element by element.
-
-    The first edges are those that begin at the first corners of the elements of the
-    first block.  Also the first occurrence of each edge in either direction, by its
-    nodes, and how often it occurs.
-    """
-    pairs = [[cell.ravel(), np.roll(cell, -1, axis=0).ravel()] for cell in cells]
-    edges = np.hstack(pairs)
-    low, high = edges.min(axis=0).astype(np.int64), edges.max(axis=0)
-    _, first, count = np.unique(
-        low * (high.max(initial=0) + 1) + high, return_index=True, return_counts=True
-    )
-    return edges, first, count
 
 
 class ElementTree:
