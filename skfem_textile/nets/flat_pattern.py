@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.overlap import Boundary, contact_of, signed_areas
+from ..mesh.overlap import Boundary, overlap_of, signed_areas
 from ..mesh.requirements import require
 from ..mesh.user_input import coords, real_numbers
 from ..surfaces.analytic import positive_length
@@ -220,14 +220,14 @@ def refuse_crossing(outline: ndarray, points: ndarray) -> None:
     """
     n = np.arange(outline.shape[1])
     edges = Boundary(outline, np.array([n, np.roll(n, -1)]), n, np.ones(len(n)))
-    contact = contact_of(edges)
-    if contact is None:
+    overlap = overlap_of(edges)
+    if overlap is None:
         raise ValueError(
             "flat pattern: too many points of the outline are close to each other to "
             "determine whether it crosses itself: use fewer points, or a larger "
             "spacing"
         )
-    at = np.concatenate([contact.crossing, contact.doubled])
+    at = np.concatenate([overlap.crossing, overlap.doubled])
     if at.size:
         raise ValueError(
             f"flat pattern: the outline crosses itself at {coords(points[:, at[0]])} "

@@ -7,10 +7,10 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy import ndarray
 
-from .contact import ActiveSet
+from .active_set import ActiveSet
 from .direction import Definite, Direction, Iterate
 from .globalisation import Descent, Whole
-from .problem import HOLD, InitialGuess, Problem, Tangent, tangent_at
+from .problem import HOLD, Evaluation, Problem, Tangent, tangent_at
 from .states import Equilibrium, NoEquilibriumError
 from .updates import NearEquilibrium, unchanged
 
@@ -78,7 +78,7 @@ class Method(Protocol):
     def solve(
         self,
         problem: Problem,
-        start: InitialGuess,
+        start: Evaluation,
         fixed_values: ndarray,
         most_projected: float,
         report: Report,
@@ -150,7 +150,7 @@ class Newton:
     def solve(
         self,
         problem: Problem,
-        start: InitialGuess,
+        start: Evaluation,
         fixed_values: ndarray,
         most_projected: float,
         report: Report,
@@ -207,7 +207,7 @@ class PlainNewton:
     def solve(
         self,
         problem: Problem,
-        start: InitialGuess,
+        start: Evaluation,
         fixed_values: ndarray,
         most_projected: float,
         report: Report,

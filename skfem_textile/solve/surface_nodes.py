@@ -188,10 +188,10 @@ class SurfaceNodes:
         """Matrix from the unknowns, of which ``eliminated`` are normal to surfaces."""
         if not self:
             return self._linear_turn
-        contact = self._at(u, t)
+        values = self._at(u, t)
         if self._turn is None:
             frames, nodes = self._frames.copy(), self.nodes
-            across = np.einsum("nij,in->nj", frames[nodes], contact.across)
+            across = np.einsum("nij,in->nj", frames[nodes], values.across)
             # Householder reflection with n as its column ``first``.
             mirror = np.where(self._free[nodes], across, 0.0)
             row, first = np.arange(len(nodes)), self.eliminated - 3 * nodes

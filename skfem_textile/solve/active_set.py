@@ -13,7 +13,7 @@ from numpy import ndarray
 from ..ply.parameters import Frozen, PlyParameters, Values
 from ..ply.terms import STIFFNESS_OF_GAP
 from .direction import NEAR, TINY, Direction, Increment, Iterate
-from .problem import InitialGuess, Problem, Tangent
+from .problem import Evaluation, Problem, Tangent
 from .states import NoEquilibriumError
 
 #: Penetration and contact force over stiffness, relative to the size of the ply, below
@@ -88,9 +88,9 @@ def forces(problem: Problem, parameters: PlyParameters) -> dict[str, ndarray]:
 def error(problem: Problem, u: ndarray, parameters: PlyParameters) -> float:
     """Largest penetration, or force without contact over its stiffness, in mm."""
     worst = 0.0
-    for contact in problem.contacts:
-        p = parameters[contact.name]
-        force = contact.forces(u, problem.load_factor, p)
+    for tool in problem.contacts:
+        p = parameters[tool.name]
+        force = tool.forces(u, problem.load_factor, p)
         off = np.abs(force - p["force"]) / np.maximum(p["stiffness"], TINY)
         worst = max(worst, float(off.max()))
     return worst
@@ -138,7 +138,7 @@ class ActiveSet(Direction):
         self._nodes = problem.ply.pattern.diagonal
         self._last_shift = 0.0
 
-    def first(self, start: InitialGuess) -> Iterate:
+    def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment, with contacts as stiff as fibres."""
         problem, u, p = self._problem, start.u, start.parameters
         tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
@@ -150,10 +150,9 @@ class ActiveSet(Direction):
         """Increment to the minimum, with the contact forces there."""
         problem, t, p = self._problem, self._problem.load_factor, at.parameters
         f, K = self._without_contact(at)
+        u, predicted = at.u, at.contact_forces
         gaps = [
-            _LinearGap(
-                x.gaps(at.u, t), x.normals(at.u, t), p[x.name], at.contact[x.name]
-            )
+            _LinearGap(x.gaps(u, t), x.normals(u, t), p[x.name], predicted[x.name])
             for x in problem.contacts
         ]
         shift = 0.0
@@ -162,14 +161,14 @@ class ActiveSet(Direction):
             for gap in gaps:
                 stiffness[self._nodes] += gap.stiffness()
                 force += gap.residual()
-            tangent, shift = self._definite(at.u, stiffness, gaps[0].kappa, shift)
-            du = tangent.increment(force, at.u, fixed_values)
+            tangent, shift = self._definite(u, stiffness, gaps[0].kappa, shift)
+            du = tangent.increment(force, u, fixed_values)
             changed = [gap.changed(problem.nodal(du)) for gap in gaps]
             if not any(changed):
                 break
         self._last_shift = shift or self._last_shift
         tangent.projected = shift > 0
-        names = [contact.name for contact in problem.contacts]
+        names = [tool.name for tool in problem.contacts]
         after = {x: gap.force for x, gap in zip(names, gaps, strict=True)}
         return Increment(du, tangent, du, after)
 
@@ -180,8 +179,8 @@ class ActiveSet(Direction):
         share = float(np.linalg.norm(du)) / max(whole, TINY)
         tension = problem.ply.geometric_tension(at.u, du, at.parameters)
         u = problem.moved(at.u, du)
-        p = towards(problem, at.parameters, increment.contact, share)
-        at = Iterate(u, problem.residual(u, p), p, tension, increment.contact)
+        p = towards(problem, at.parameters, increment.contact_forces, share)
+        at = Iterate(u, problem.residual(u, p), p, tension, increment.contact_forces)
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at
 
@@ -193,9 +192,9 @@ class ActiveSet(Direction):
         problem, (u, f, p, tension, forces, _) = self._problem, at
         arguments = u, problem.load_factor, without(problem, p), tension
         K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
-        for contact in problem.contacts:
-            f = f - contact.residual(u, problem.load_factor, p[contact.name])
-            K = problem.curved(u, K, contact, forces[contact.name])
+        for tool in problem.contacts:
+            f = f - tool.residual(u, problem.load_factor, p[tool.name])
+            K = problem.curved(u, K, tool, forces[tool.name])
         return f, K
 
     def _definite(
