@@ -1,4 +1,4 @@
-"""Triangles of tools where they stand at load factors, for pictures and files."""
+"""Triangles of tools at their positions at load factors, for pictures and files."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -56,7 +56,7 @@ def placed_tools(
     high: ndarray,
     cells: int = _CUBES,
 ) -> list[list[PlacedTool]]:
-    """Tools of a ply, and holders with a gap, where they stand at load factors.
+    """Tools of a ply, and holders with a gap, at their positions at load factors.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _placed(
 
 
 def _anticlockwise(x: ndarray, triangles: ndarray, normals: ndarray) -> ndarray:
-    """Triangles with the order of their corners about the normals."""
+    """Reorder corners of triangles anticlockwise about the normals."""
     a, b, c = (x[:, corner] for corner in triangles)
     clockwise = (np.cross(b - a, c - a, axis=0) * normals).sum(axis=0) < 0
     return np.where(clockwise, triangles[::-1], triangles)
@@ -130,7 +130,7 @@ def _anticlockwise(x: ndarray, triangles: ndarray, normals: ndarray) -> ndarray:
 def _cut(
     surface: Surface, outline: ndarray, x: ndarray, triangles: ndarray
 ) -> tuple[ndarray, ndarray]:
-    """Points moved onto the outline where triangles cross it, and triangles inside."""
+    """Trim triangles at an outline: moved points, and mask of kept triangles."""
     within = inside(outline, x[:2])
     kept = within[triangles].any(axis=0)
     crossing = np.zeros(x.shape[1], dtype=bool)

@@ -299,7 +299,7 @@ class Obstacle:
             )
 
     def _near(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """Numbers of points that may touch the surface, and normals at the others."""
+        """Indices of points near the surface, and normals at the other points."""
         far_away = getattr(self.surface, "far_away", None)
         if far_away is None or self.reach is not None:
             return np.arange(x.shape[1]), np.zeros(x.shape)
@@ -605,7 +605,7 @@ class ToolContact(ContactTerm):
         return placement(self._obstacle.what, self._obstacle.motion, t)
 
     def _at(self, u: ndarray, t: float) -> Gaps:
-        """Gaps at the nodes of a displacement, which an iteration uses repeatedly."""
+        """Gaps of the nodes at a displacement; the last evaluation is kept."""
         last_u, last_t, last = self._last
         if last is not None and t == last_t and np.array_equal(u, last_u):
             return last

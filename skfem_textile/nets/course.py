@@ -170,7 +170,7 @@ def _start(laid: Net) -> ndarray:
 def _thread(
     tool: TriangleMesh, laid: Sequence[Net], last: Net, side: int, inside: int
 ) -> ndarray | None:
-    """Thread from which the next course starts, (3, n).
+    """First warp thread of the next course, shape (3, n).
 
     None beyond the tool, and where the courses around a tube meet.
     """
@@ -268,7 +268,7 @@ def _with_sides(
     flat: ndarray,
     on_tool: ndarray,
 ) -> tuple[ndarray, ndarray]:
-    """Ends with one thread more on each side where the tool ends between two."""
+    """Add a thread on each side on which the tool ends between two threads."""
     weft = laid.cell * laid.directions[:, 1]
     x = laid.positions
 

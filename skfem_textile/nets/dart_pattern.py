@@ -152,7 +152,7 @@ def _hole(laid: NetWithDarts, curve: ArrayLike, spacing: float) -> FlatPattern:
 
 
 def _only(laid: Net, mask: ndarray) -> ndarray:
-    """Statuses with the crossings of some cells only."""
+    """Statuses, with crossings outside the masked cells set to `OMITTED`."""
     keep = np.zeros(laid.status.shape, dtype=bool)
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         keep[i : i + mask.shape[0], j : j + mask.shape[1]] |= mask
@@ -162,7 +162,7 @@ def _only(laid: Net, mask: ndarray) -> ndarray:
 def _with_seams(
     laid: NetWithDarts, points: ndarray, side: ndarray, spacing: float
 ) -> tuple[list[tuple[ndarray, ndarray]], tuple[Dart, ...]]:
-    """Parts of an outline on the tool and in the flat ply, and darts up to it."""
+    """Split an outline at seams; pairs of points on the tool and flat, and darts."""
     cuts: list[tuple[int, ndarray]] = []
     for dart in laid.darts:
         away, *_ = dart.nearest(points)
@@ -227,9 +227,10 @@ def _edges(laid: NetWithDarts, seam: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _tip(one: ndarray, other: ndarray, length: float) -> ndarray:
-    """Point at a distance from the beginnings of two edges, shape (2,).
+    """Apex of the isosceles triangle over the first points of two edges, shape (2,).
 
-    The edges have two points each, (2, 2).  Of two such points the one before them.
+    Its sides have the given length.  Edges have two points, (2, 2), and lead away from
+    the apex.
     """
     middle, across = 0.5 * (one[:, 0] + other[:, 0]), other[:, 0] - one[:, 0]
     width = float(np.linalg.norm(across))
@@ -243,7 +244,7 @@ def _tip(one: ndarray, other: ndarray, length: float) -> ndarray:
 
 
 def _located(laid: NetWithDarts, x: ndarray, side: int) -> ndarray:
-    """Points in the flat ply on one side, shape (2, n); NaN beyond the net."""
+    """Flat points of points x on one side of the seam, (2, n); NaN beyond the net."""
     sheet = laid.sheet(side)
     places, flat = sheet.at(x), np.full((2, x.shape[1]), np.nan)
     flat[:, places.found] = sheet.flat_at(places)[:, places.found]
@@ -251,7 +252,7 @@ def _located(laid: NetWithDarts, x: ndarray, side: int) -> ndarray:
 
 
 def _flat(laid: NetWithDarts, x: ndarray, number: ndarray) -> ndarray:
-    """Points in the flat ply at points on the tool on numbered sides, shape (2, n)."""
+    """Flat points of points x on the tool, each on the side of its number, (2, n)."""
     flat = np.full((2, x.shape[1]), np.nan)
     for side in (0, 1):
         own = np.flatnonzero(number == side)

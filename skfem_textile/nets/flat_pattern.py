@@ -33,7 +33,7 @@ _NOTHING = 1e-9
 
 
 class SeamLine(NamedTuple):
-    """Line of a flat pattern that lies on another one with the same number.
+    """Line of a flat pattern that is sewn to another one with the same number.
 
     Both edges of a dart have one number, and both sides of the seam of two courses.
 

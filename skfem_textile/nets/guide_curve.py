@@ -80,14 +80,14 @@ class GuideCurve:
 
 @dataclass(eq=False)
 class Walk:
-    """Way along a polyline, shape (3, n), from its first point."""
+    """Traversal of a polyline, shape (3, n), from its first point."""
 
     points: ndarray
 
     def after(self, x: ndarray, chord: float) -> tuple[ndarray, ndarray] | None:
         """Next point at a distance from x, and the direction there, shape (3,).
 
-        The way continues there.  None if it ends before.
+        The next call starts there.  None if the curve ends before.
         """
         away = np.linalg.norm(self.points - x[:, None], axis=0)
         beyond = np.flatnonzero(away >= chord)
@@ -111,7 +111,7 @@ class Walk:
 
 
 def edge_through(outline: ArrayLike, point: ArrayLike) -> ndarray:
-    """Part of a closed outline between its corners, through the place near a point.
+    """Edge of a closed outline, from corner to corner, that is nearest to a point.
 
     Corners are points where the outline turns by more than 30°.
 

@@ -189,7 +189,7 @@ def nets_at_seams(
 ) -> tuple[Net, Net]:
     """Nets on the left and on the right of seams, which are edges of a tool.
 
-    They are the same where no thread comes from beyond a seam or a spot.
+    Both are equal where no thread has crossed a seam or a spot.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ def _counts(name: str, n: Any) -> tuple[int, int]:
 
 
 def _masks(ends: ndarray, limits: ndarray) -> list[ndarray]:
-    """Masks of the crossings of each quadrant up to points, in cells, (2, n)."""
+    """Masks of the crossings of each quadrant that cover points in cells, (2, n)."""
     masks = []
     for signs, shape in zip(QUADRANTS, limits + 1, strict=True):
         mask = up_to(ends * np.array(signs)[:, None], tuple(shape))
@@ -352,7 +352,7 @@ def _joined(
     touch: ndarray,
     counts: Sequence[tuple[int, int] | None],
 ) -> Net:
-    """Net of four quadrants with given numbers of cells, or as far as it was laid."""
+    """Join four quadrants to a net with given, or else all, numbers of cells."""
     sizes = np.array([quadrant.status.shape for quadrant in quadrants]) - 1
     signs = np.array(QUADRANTS)
     reach = [

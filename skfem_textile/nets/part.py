@@ -140,7 +140,7 @@ def _inside(
 ) -> ndarray:
     """Mask of places on the disk, (2, n), inside the first curve and not in others.
 
-    There must be one, and the end of a tube must not be inside.
+    Raises an error if there is none, or if the end of a tube is inside.
     """
     import shapely
 

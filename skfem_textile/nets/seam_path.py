@@ -40,9 +40,9 @@ def seam_from(
 ) -> Seam:
     """Seam from a tip to the edge of a tool.
 
-    It begins in a direction, by default of the shortest way to the edge, is a geodesic,
-    and is moved sideways to where the surface turns equally on both sides: along the
-    edge between two walls.
+    It is a geodesic in a given direction, by default along the shortest path to the
+    edge.  Its points are shifted sideways to where the normal turns equally on both
+    sides: onto the edge between two walls.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def _in_plane(tool: TriangleMesh, x: ndarray, along: ndarray) -> ndarray:
 def _to_middle(
     tool: TriangleMesh, x: ndarray, along: ndarray, widths: tuple[float, float]
 ) -> ndarray:
-    """Shift in mm, (3,), to where the surface turns equally on both sides."""
+    """Shift in mm, (3,), to where the normal turns equally on both sides."""
     left = np.cross(unit(tool.gradient(x[:, None]))[:, 0], along)
     width, most = widths
     turns = _turns(tool, x, width * left)

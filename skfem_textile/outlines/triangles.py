@@ -193,7 +193,7 @@ def _corners(shape: shapely.Polygon, side: float) -> ndarray:
 def _without_doubles(
     shape: shapely.Polygon, lines: Sequence[ndarray], size: float
 ) -> tuple[list[shapely.LineString], list[int]]:
-    """Parts of lines that do not run beside earlier ones, and the line of each."""
+    """Lines without stretches nearly parallel to earlier lines; and their indices."""
     left = [shapely.linestrings(line.T) for line in lines]
     tree = shapely.STRtree(left)
     for share in _BESIDE_OUTLINE:
@@ -215,7 +215,7 @@ def _without_doubles(
 
 
 def _without(line: Any, beside: shapely.Geometry, length: float, size: float) -> Any:
-    """A line without its parts within a polygon that are longer than a length."""
+    """Cut out stretches longer than ``length`` inside ``beside``."""
     parts = shapely.get_parts(shapely.intersection(line, beside))
     long = parts[shapely.length(parts) > length]
     if not long.size:

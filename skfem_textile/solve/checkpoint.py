@@ -336,7 +336,7 @@ class Replay:
         self._problem, self._guessed = problem, guessed
 
     def repeated(self, state: State) -> tuple[Trial, ndarray]:
-        """Trial of the displacement of a state, and its fixed values."""
+        """Evaluate a stored state again; its trial and the fixed values."""
         t, u, p = state.load_factor, state.u, state.parameters
         problem = self._problem.at(t)
         before = None
@@ -349,7 +349,7 @@ class Replay:
         return trial, problem.constraints.fixed_values(t)
 
     def compared(self, state: State, trial: Trial, fixed_values: ndarray) -> State:
-        """Compare a state with its trial, and add what is not stored.
+        """Compare a state with its trial; returns it with the values not stored.
 
         Raises an error if they disagree.  Counters and residuals are not compared,
         because they depend on the iterations.

@@ -243,7 +243,7 @@ class Constraints:
         self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
 
     def _resolve(self, basis: CellBasis, direction: ndarray) -> None:
-        """Choose the fixed unknowns and the map from row values to their values.
+        """Choose the prescribed unknowns, and factorise the rows of the conditions.
 
         ``_rows @ q[prescribed]`` are the displacements along the directions.
         """
@@ -297,7 +297,7 @@ class Constraints:
 
 
 class _LU:
-    """LU factors of a matrix, which are pickled as the matrix."""
+    """LU factors of a matrix; pickling stores the matrix only."""
 
     def __init__(self, matrix: csc_matrix) -> None:
         self._matrix, self._factors = matrix, splu(matrix)
@@ -338,7 +338,7 @@ def _fixed_directions(
 
 
 def _turns(n_dofs: int, dofs: ndarray, n: ndarray) -> csr_matrix | None:
-    """Identity, with the first unknowns of some nodes rotated to fixed directions."""
+    """Rotation of the unknowns of some nodes to fixed directions; None for none."""
     if dofs.size == 0:
         return None
     turn = identity(n_dofs, format="lil")

@@ -55,7 +55,7 @@ _DRIVES = 0.5
 
 
 class StepEnd(NamedTuple):
-    """State at the end of a hard step: the quantities that are compared.
+    """Quantities of a state by which a step is compared with two half steps.
 
     Energy in N·mm, all components of the forces on conditions in N, and the errors of
     both due to the tolerance of the equilibrium.
@@ -79,7 +79,7 @@ class StepEnd(NamedTuple):
         )
 
     def agrees(self, other: "StepEnd") -> bool:
-        """True if both are the same state."""
+        """True if both are the same state within the tolerance."""
         ours, theirs = np.array(self.forces), np.array(other.forces)
         force = np.abs([ours, theirs]).max()
         energy = max(abs(self.energy), abs(other.energy))
@@ -252,7 +252,7 @@ def loads_drive(
     energies: dict[str, float],
     moved: bool,
 ) -> bool:
-    """True if growing loads drive the ply, besides displacements and surfaces.
+    """True if growing loads drive the ply, also together with prescribed motions.
 
     The problem is at the load factor of a state with displacement, parameters and
     energies by term; ``moved`` is the result of `moves`.
@@ -286,7 +286,7 @@ def load_growth(problem: Problem, state: State, beyond: float) -> float:
 def balanced_at_rest(
     problem: Problem, load_factors: Iterable[float], tolerance: float
 ) -> bool:
-    """True if no load moves the undeformed ply at any of the load factors of a run.
+    """True if the undeformed ply is in balance at all load factors of a run.
 
     The tolerance in N applies to the nodal forces of all nodes, fixed or free.
     """

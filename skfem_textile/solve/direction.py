@@ -88,9 +88,7 @@ class Increment(NamedTuple):
 
 
 class Direction:
-    """Linearised problem with the consistent tangent.
-
-    Derived classes have other tangents.
+    """Newton direction with the consistent tangent; base of the other directions.
 
     Parameters
     ----------
@@ -109,9 +107,9 @@ class Direction:
         return Iterate(u, problem.residual(u, p), p, tangent=tangent)
 
     def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
-        """Increment that balances the linearised forces.
+        """Solve the linearised problem.
 
-        ``fixed_values`` are the values of the fixed unknowns after it.
+        ``fixed_values`` are the values of the fixed unknowns after the increment.
         """
         tangent = at.tangent or self.tangent(at)
         du = tangent.increment(at.f, at.u, fixed_values)
@@ -132,7 +130,7 @@ class Direction:
 
 
 class Definite(Direction):
-    """A positive definite tangent with predicted tensions, see `definite`."""
+    """Newton direction with a positive definite tangent, see `definite`."""
 
     def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment."""
@@ -165,7 +163,7 @@ class Definite(Direction):
 def _first_tangent(
     problem: Problem, start: Evaluation
 ) -> tuple[Tangent, PlyParameters]:
-    """The first tangent and parameters.
+    """Tangent and parameters of the first increment.
 
     Where the tangent at the start is singular, a fibre tension is added to it. On
     surfaces the parameters are then updated with the tension due to the loads, because
@@ -180,8 +178,8 @@ def _first_tangent(
         return definite(problem, u, p, tension), p
     size = _FIRST_TENSION
     if problem.surfaces:
-        # As in a square, two sides of which carry all loads along surfaces. With a ten
-        # times larger or smaller value, a sphere takes twice as many solves.
+        # Estimate: total tangential load over two sides of a square of equal area. With
+        # a ten times larger or smaller value, a sphere takes twice as many solves.
         along = problem.nodal(problem.unfixed(problem.load(u, p), u))
         sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
         of_loads = np.full_like(tension, np.linalg.norm(along, axis=0).sum() / sides)

@@ -266,7 +266,7 @@ def _check_derivatives(surface: CheckedSurface, x: ndarray, h: float) -> None:
 
 
 def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
-    """Points of a surface near others, without those that do not converge."""
+    """Project points onto a surface by Newton's method; omits those that fail."""
     for _ in range(_MOST):
         ends = x[:, None, None] + h * np.eye(3)[:, :, None, None] * [[-1], [1]]
         back, ahead = np.moveaxis(
@@ -286,7 +286,7 @@ def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
 def _contradiction(
     lines: ndarray, function: ndarray, derivative: ndarray, h: float
 ) -> tuple[int, int, ndarray, float, float] | None:
-    """Largest contradiction on lines, if any: row, axis, place, slope, derivative.
+    """Largest difference of slope and derivative: row, axis, point and both; or None.
 
     ``whole`` and ``derivative`` are rows of a function and of its derivatives along the
     lines, shape (rows, axes, places, points), and h is the length of an interval.

@@ -213,7 +213,7 @@ class Problem:
         return max(float(np.abs(x).max()) for x in (f, load, of_tools))
 
     def flies(self, u: ndarray, fixed_values: ndarray) -> bool:
-        """True if a displacement is far beyond ply, tools, surfaces and motions."""
+        """True if a displacement far exceeds the sizes and motions in the problem."""
         far, t = np.abs(u).max(initial=0.0), self.load_factor
         size = self._size + np.abs(fixed_values).max(initial=0.0)
         size += sum(np.linalg.norm(x.travel(t)) for x in self.contacts)
@@ -224,7 +224,7 @@ class Problem:
     def singular(
         self, where: str = "", advice: str = _MORE_STIFFNESS
     ) -> NoEquilibriumError:
-        """The error of a singular tangent, with its place, and advice for mechanisms.
+        """Error for a singular tangent, with its cause and advice.
 
         The cause is a mechanism, or round-off of stiffnesses that are too different.
         """
@@ -290,7 +290,7 @@ class Problem:
         return np.array([self.surfaces.motion(u, t, x, along=True) for x in motions])
 
     def unfixed(self, f: ndarray, u: ndarray) -> ndarray:
-        """DOF vector without its components along the fixed directions at ``u``."""
+        """Project a DOF vector onto the free directions at ``u``."""
         turn = self.turn(u)
         q = turned(f, turn).copy()
         q[self.constraints.fixed] = 0.0
@@ -352,7 +352,7 @@ class Problem:
         constraint: ContactTerm | SurfaceNodes,
         forces: ndarray | float | None,
     ) -> ndarray:
-        """Blocks of a tangent less λ∇²g of contact forces λ, shape (n_nodes,)."""
+        """Tangent blocks less λ∇²g, with contact forces λ of shape (n_nodes,)."""
         if forces is None or not np.any(forces):
             return blocks
         nodes, blocks = np.flatnonzero(forces), blocks.copy()
@@ -371,10 +371,10 @@ class Problem:
 def balanced(
     problem: Problem, u: ndarray, f: ndarray, parameters: PlyParameters, tangent: Any
 ) -> PlyParameters:
-    """Parameters with loads that leave the supports without reactions.
+    """Parameters with self-balancing loads adjusted so that reactions vanish.
 
-    The reactions are the work of the nodal forces ``f`` over the motions of the ply
-    that accompany unit motions of the supports.
+    A reaction is the work of the nodal forces ``f`` over the linear response to a unit
+    displacement of its prescribed unknown.
     """
     changed = [term for term in problem.ply.terms if term.balances]
     if not changed:
@@ -484,7 +484,7 @@ class Tangent:
         return plain(dq, turn)
 
     def motions(self) -> ndarray:
-        """Motions of the ply that accompany unit motions of its supports.
+        """Linear response to a unit displacement of each prescribed unknown.
 
         Shape (n_prescribed, n_unknowns); see `Problem.motions_of_supports`.
         """
@@ -509,7 +509,7 @@ class Tangent:
         return problem.surfaces.forces(self._u, problem.load_factor, after)
 
     def equilibrated(self, f: ndarray) -> tuple[ndarray, ndarray]:
-        """Increment that balances the forces, and the forces after it, linearised."""
+        """One linearised correction, and the nodal forces after it."""
         problem, turn = self._problem, self._turn
         free, fixed = problem.constraints.free, problem.constraints.fixed
         motion, after, before = np.zeros_like(f), np.zeros_like(f), turned(f, turn)
@@ -518,9 +518,9 @@ class Tangent:
         return plain(motion, turn), plain(after, turn)
 
     def stiffness(self, motion: ndarray) -> float:
-        """Stiffness against a motion of fixed unknowns that the free ones follow.
+        """Stiffness against a motion of the fixed unknowns, condensed.
 
-        It is twice the energy of the motion, linearised.
+        It is twice the energy of the linear response to the motion.
         """
         forces = self._problem.ply.pattern.matrix(self._blocks) @ motion
         return float(motion @ self.equilibrated(forces)[1])
@@ -551,7 +551,7 @@ class Tangent:
             clock.factorisations += factors.factorisations - before
 
     def tolerance(self, u: ndarray, f: ndarray, parameters: PlyParameters) -> float:
-        """Residual tolerance: a share of the largest force, and at least the round-off.
+        """Tolerance of the residual: a share of the largest force plus round-off.
 
         Where loads act, round-off counts up to a small share of the forces.  Before the
         first motion of supports and tools, which will cause larger forces, the
@@ -590,7 +590,7 @@ class Tangent:
 def _between_tools(
     problem: Problem, u: ndarray, parameters: PlyParameters, blocks: ndarray
 ) -> ndarray:
-    """Blocks with the stiffness of gaps, if tools are on opposite sides of the ply.
+    """Add a small stiffness at open gaps if tools are on both sides of the ply.
 
     Tools on one side restrain only nodes that touch them.
     """

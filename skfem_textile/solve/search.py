@@ -232,7 +232,7 @@ class EquilibriumSearch:
 
 
 def _balances(trial: Trial) -> bool:
-    """True if the supports have no reactions, or no load is to balance them."""
+    """False if a self-balancing load leaves support reactions."""
     problem, (u, f, p, *_) = trial.problem, trial.equilibrium
     tangent = trial.equilibrium.tangent
     if tangent is None or not any(term.balances for term in problem.ply.terms):
@@ -242,7 +242,7 @@ def _balances(trial: Trial) -> bool:
 
 
 def _is_closed(trial: Trial) -> bool:
-    """True if contact is a constraint: no penetration, no force without contact."""
+    """True if gaps and contact forces satisfy the contact conditions."""
     problem, (u, _, p, *_) = trial.problem, trial.equilibrium
     if not problem.contacts:
         return True

@@ -136,7 +136,7 @@ class SurfaceNodes:
             condition.at(name, t)
 
     def _at(self, u: ndarray, t: float) -> _Values:
-        """Values at a displacement, which an iteration uses repeatedly.
+        """Values at a displacement; the last evaluation is kept.
 
         Raises an error if conditions already fix the normal of a node.
         """
@@ -238,7 +238,7 @@ class SurfaceNodes:
         return (x - self._X).T.ravel()
 
     def farthest(self, t: float) -> float:
-        """Largest displacement in mm of a node at rest onto its surface.
+        """Largest distance in mm by which projection moves a node of the flat ply.
 
         Infinite if the projection fails.
         """

@@ -100,7 +100,7 @@ class Trial:
     def of(
         cls, problem: Problem, equilibrium: Equilibrium, start: Evaluation | None
     ) -> "Trial":
-        """Trial of an equilibrium; a start with other parameters is re-evaluated."""
+        """Create a trial; a start with other parameters is evaluated again."""
         u, p = equilibrium.u, equilibrium.parameters
         energies, potentials = problem.energies(u, p)
         if start and not all(p[k].same_as(x) for k, x in start.parameters.items()):
@@ -216,7 +216,7 @@ class Trial:
                 )
 
     def next_start(self) -> Evaluation:
-        """The equilibrium as the start of a step, with advanced parameters."""
+        """Evaluation from which the next step starts, with advanced parameters."""
         problem, (u, f, parameters, *_) = self.problem, self.equilibrium
         t = problem.load_factor
         advanced = problem.ply.advanced(parameters, u, t)
@@ -439,7 +439,7 @@ def _point_supports(problem: Problem, u: ndarray) -> list[str]:
 def excess(
     shares: Mapping[str, Mapping[str, float]], role: str, supports: Collection[str] = ()
 ) -> str:
-    """Shares of a role that exceed their limits, in words; empty if there are none.
+    """Message on the shares of a role that exceed their limits; empty if none do.
 
     The role is ``stabilisation`` or ``deviation``.  Reactions of the conditions
     ``supports`` are excluded.

@@ -20,7 +20,7 @@ _ROUNDS = 3
 
 
 def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
-    """Vertices and triangles with patches over all holes.
+    """Close all holes with patches; vertices and triangles.
 
     Ends of tubes do not count as holes, see `turning`; a part has at least one outer
     edge, the longest.  The vertices of a patch minimise ∫|Δx|², and with it the bending
@@ -93,7 +93,7 @@ def parts_of(n: int, triangles: ndarray) -> ndarray:
 
 
 def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:
-    """Vertices, and the triangles of a patch in a loop.
+    """Add a flat patch in a loop: all vertices, and the triangles of the patch.
 
     They are triangles of a disk with the circumference of the loop.  New vertices are
     the last, in the middle of the loop.
@@ -121,7 +121,7 @@ def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _relaxed(x: ndarray, triangles: ndarray, loop: ndarray, free: ndarray) -> ndarray:
-    """Vertices, of which the free ones minimise ∫|Δx|².
+    """Move the free vertices to minimise ∫|Δx|².
 
     Triangles are the patch and its neighbours.
     """

@@ -107,7 +107,7 @@ def repaired(
 
 
 def _valid(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
-    """Vertices, shape (n, 3), and triangles, if their numbers are sane."""
+    """Vertices, shape (n, 3), and triangles; refuses numbers out of range."""
     vertices = np.asarray(vertices, dtype=float)
     triangles = np.asarray(triangles, dtype=int)
     if vertices.ndim != 2 or len(vertices) != 3:
@@ -141,7 +141,7 @@ def _valid(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _stray(x: ndarray) -> ndarray:
-    """Which vertices are not finite, or far from all others, shape (n,)."""
+    """Mask of vertices that are not finite or far from all others, shape (n,)."""
     finite = np.isfinite(x).all(axis=1)
     if not finite.all():
         return ~finite
@@ -280,7 +280,7 @@ def _sides(triangles: ndarray) -> ndarray:
 
 
 def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
-    """Consistently oriented triangles, and what was turned.
+    """Orient triangles consistently; triangles, and a remark on reversed ones.
 
     Sides are propagated over shared edges.  Each part then keeps the side of most of
     its area, or faces upwards if there is none; a closed part faces outwards.

@@ -264,9 +264,9 @@ class Geodesics(NamedTuple):
         return x + s * h * (v + s * h / 2 * a) + s**3 * rest
 
     def on_growing(self, point: ndarray, t: float) -> ndarray:
-        """Ends of the geodesics on `GrowingSurface` at a parameter, shape (3, n).
+        """Ends of the geodesics on the `GrowingSurface` with parameter t, shape (3, n).
 
-        Enlarged by 1/t, they are the first parts of those on the surface itself.
+        They are the points at the fraction t of these geodesics, scaled by 1/t.
         """
         point = point[:, None]
         if t == 0:
@@ -335,7 +335,7 @@ def geodesics(
     first: ndarray | None = None,
     steps: int = _STEPS,
 ) -> Geodesics:
-    """Geodesics of which `exponential_map` returns the ends."""
+    """Integrate the geodesics whose end points `exponential_map` returns."""
     start = np.array([*touch, 0.0]) if point is None else np.asarray(point, dtype=float)
     start = onto(surface, start[:, None])
     along = tangents(surface, start[:, 0], (1.0, 0.0, 0.0) if first is None else first)

@@ -261,7 +261,7 @@ def triangles_within(
 
 
 def _crossed_edges(tetrahedra: ndarray, level: ndarray) -> ndarray:
-    """Ends of the edges on which corners of triangles lie, shape (2, 3, n)."""
+    """Cut edges of tetrahedra: end nodes of the 3 edges of each triangle, (2, 3, n)."""
     above = level[tetrahedra] > 0
     order = np.argsort(above, axis=0, kind="stable")  # those below first
     a, b, c, d = np.take_along_axis(tetrahedra, order, axis=0)

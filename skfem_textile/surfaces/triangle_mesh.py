@@ -244,7 +244,7 @@ class TriangleMesh:
         return _Edges(self.facets)
 
     def far_away(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """Side of the tool on which points certainly lie, and the normal there.
+        """Side of the tool of points far away, 0 near it, and the normal there.
 
         Without evaluating φ: the sign of the height over the nearest vertex, 0 for
         heights up to twice the mean edge; and its normal, shapes (n,) and (3, n).
@@ -271,7 +271,7 @@ class TriangleMesh:
         return level, gradient
 
     def _mean(self, x: ndarray) -> Derivatives:
-        """φ and its derivatives, which an iteration uses one after the other."""
+        """φ and its derivatives; the last evaluation is kept."""
         for at, mean in self._kept:
             if np.array_equal(at, x):
                 return mean
@@ -301,7 +301,7 @@ class _Edges:
             self._half = 0.5 * np.linalg.norm(x[:, begin] - x[:, end], axis=0).max()
 
     def near(self, x: ndarray) -> ndarray:
-        """Numbers of points whose closest point can lie on an open edge.
+        """Indices of points that may be closest to an open edge.
 
         No point of an edge is closer than its middle by more than half of its length,
         and the tool is at most as far away as its nearest node.

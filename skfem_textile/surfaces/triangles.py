@@ -149,10 +149,10 @@ def closest_on_triangles(
     points: ndarray,
     tree: ElementTree | None = None,
 ) -> tuple[ndarray, ndarray]:
-    """Triangle of the closest point to each point in space, shape (3, n).
+    """Closest triangle to each point, (n,), and barycentric coordinates there, (3, n).
 
-    Shape (n,), and the barycentric coordinates of the closest point, (3, n).  ``tree``
-    is the search tree of the triangles if it is known.
+    Points have the shape (3, n).  ``tree`` is the search tree of the triangles, built
+    if not given.
     """
     corners = positions[:, triangles]
     tree = tree or ElementTree(corners)
@@ -172,7 +172,7 @@ def _may_be_closest(
     point: ndarray,
     triangle: ndarray,
 ) -> ndarray:
-    """Pairs of a point and a triangle that can be the closest one, shape (n_pairs,).
+    """Mask of pairs whose triangle may be the closest to its point, shape (n_pairs,).
 
     A triangle is within its radius of its centre, and in its plane.  With the height h
     of a point over the plane, and the distance τ of its foot from the centre, no point
