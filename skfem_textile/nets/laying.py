@@ -251,7 +251,7 @@ class _Front:
         return new
 
     def _crossing(self, at: ndarray, a: _Diagonal, b: _Diagonal, c: _Diagonal) -> tuple:
-        """Guesses, corrections and rod ends of crossings of two threads, see `_pinned`."""
+        """Guesses, corrections and rod ends of crossings of two threads."""
         p, q, corner = a.x[:, at], b.x[:, at], c.x[:, at]
         off = 0.5 * (a.values[2][:, at] + b.values[2][:, at])
         of_seams = np.array([a.seams[at], b.seams[at]])
