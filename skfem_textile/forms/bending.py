@@ -86,7 +86,7 @@ class EndEdges:
 
 @dataclass(frozen=True, eq=False)
 class Clamps:
-    """Boundary edges at which fibres keep their direction or rotate as prescribed.
+    """Clamped boundary edges: fibre direction fixed, or rotated as prescribed.
 
     Attributes
     ----------

@@ -215,7 +215,7 @@ class Cell:
     def _exit(
         self, q: ndarray, d: ndarray, length: float, near: float, least: float
     ) -> tuple[float, ndarray, int] | None:
-        """Where a ray from q, inside, leaves the cell: distance, point and edge.
+        """Exit of a ray from q, inside the cell: distance, point and edge.
 
         None if it does not within a length, from the distance ``least`` on.  Corners
         within the distance ``near`` of the ray are on it, and it passes those that it
@@ -298,7 +298,7 @@ class Cell:
     def _chord_exit(
         self, q0: ndarray, q1: ndarray, near: float, least: float
     ) -> tuple[float, ndarray, int] | None:
-        """Where a chord leaves the cell, see `_exit`."""
+        """Exit of a chord from the cell, see `_exit`."""
         length = float(np.hypot(*(q1 - q0)))
         if length <= 1e-3 * near:
             return None
@@ -409,7 +409,7 @@ def _turns_around(field: Field, corner: ndarray, step: float) -> ndarray:
 
 
 def _neighbours(a: ndarray, axis: int) -> tuple[ndarray, ndarray]:
-    """Values at the points of a grid, and at the next ones along an axis."""
+    """Values at grid points and at their successors along an axis."""
     n = a.shape[axis]
     return np.take(a, range(n - 1), axis), np.take(a, range(1, n), axis)
 

@@ -268,7 +268,7 @@ class _Fit:
         self.parent = np.tile(self.parent, 2)
 
     def cut(self, i: int) -> None:
-        """Cut the triangles that a fibre crosses, which may cross an edge twice."""
+        """Cut triangles along a fibre, repeatedly, as it may cross an edge twice."""
         while (crossings := self._crossings(i))[0].size:
             self._cut_edges(i, *crossings)
 
@@ -299,7 +299,7 @@ class _Fit:
         self._cut_triangles(middle)
 
     def _at_both(self, i: int, edges: ndarray, at: ndarray, along: ndarray) -> ndarray:
-        """Points where a fibre crosses edges; on chords of another, the fibres' own."""
+        """Move crossings on edges along other fibres to the intersection of both."""
         length = np.hypot(*(self.p[:, edges[0]] - self.p[:, edges[1]]))
         for j, k in np.argwhere(along):
             both, x = self._fibres[i] & self._fibres[j], shapely.Point(at[:, k])
@@ -335,7 +335,7 @@ class _Fit:
         self.t, self.parent = np.hstack(new), np.concatenate(old)
 
     def collapse(self) -> None:
-        """Collapse short edges that the cuts left."""
+        """Collapse short edges after the cuts."""
         turned = self._signed() < 0
         self.t[1:, turned] = self.t[:0:-1, turned]
         nodes = Nodes(self.p, self._kind, self._line, self._on)

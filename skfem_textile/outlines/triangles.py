@@ -316,7 +316,7 @@ def _joined(
 def _collapsed(
     x: ndarray, chains: list[_Chain], rank: ndarray, size: float
 ) -> list[_Chain]:
-    """Chains without short ones, unless lines would cross then."""
+    """Collapse short chains, unless lines would then cross."""
     root = np.arange(len(x))
     short = [c for c in chains if c.length < _COLLAPSED * size]
     for chain in sorted(short, key=lambda c: c.length):

@@ -109,7 +109,7 @@ def _is_closed(points: ndarray) -> bool:
 
 
 def _corners(points: ndarray) -> ndarray:
-    """Corners of a closed curve: none coincides with the next, or meets the first."""
+    """Corners of a closed curve without coincident neighbours."""
     size = float(np.hypot(*np.ptp(points, axis=1)))
     gaps = np.hypot(*(np.roll(points, -1, axis=1) - points))
     corners = points[:, gaps > NEAR * size]
@@ -120,7 +120,7 @@ def _corners(points: ndarray) -> ndarray:
 def _unrepeated(
     curves: Sequence[Curve], numbers: list[int], rings: dict[int, Ring], near: float
 ) -> list[int]:
-    """Numbers of open curves that do not run along a ring."""
+    """Indices of open curves, without those along a ring."""
     if not numbers:
         return []
     tree = shapely.STRtree([shapely.LinearRing(r.points.T) for r in rings.values()])
@@ -134,7 +134,7 @@ def _unrepeated(
 
 
 def _repeats(curve: Curve, ring: Ring, near: float) -> bool:
-    """True if a curve runs along edges of a ring, which take its name."""
+    """True if a curve coincides with edges of a ring, which then take its name."""
     line = shapely.LineString(curve.points.T)
     if not shapely.LinearRing(ring.points.T).buffer(near).covers(line):
         return False
