@@ -324,12 +324,12 @@ def _fit_within(
 
 
 def _with_fitted_slack(result: FabricFit) -> list[Test]:
-    """The tests, with the fitted slack in the place of the assumed one."""
+    """Tests with the fitted slack instead of the assumed one."""
     return [one.with_slack(result.zeros_of(one)) for one in result.tests]
 
 
 def _with_slack_of_a_toe(tests: Sequence[Test]) -> list[Test]:
-    """The tests in tension, and others, with unknown slacks by the law crimp-toe."""
+    """Tests, with unknown slacks estimated by a crimp-toe fit."""
     pulls = [one for one in tests if isinstance(one, Strip | BiaxialCurve)]
     if not any(x.slack_is_unknown and x.assumed_slack is None for x in pulls):
         return list(tests)
@@ -341,7 +341,7 @@ def _with_slack_of_a_toe(tests: Sequence[Test]) -> list[Test]:
 
 
 def _same_range(tests: Sequence[Test], result: FabricFit) -> bool:
-    """True if a fit to tests would be the same: by their points, and ends of laws."""
+    """True if tests and a fit have the same used points and ranges of laws."""
     up_to = result.choice.up_to
     pairs = zip(of_kind(tests, Specimen), result.specimens, strict=True)
     if any(np.any(a.used(up_to) != b.used(up_to)) for a, b in pairs):

@@ -372,7 +372,7 @@ class _Compared:
         return components
 
     def _between(self, name: str) -> Component:
-        """Covariance of the mean of curves that differ."""
+        """Between-specimen covariance of the mean parameters."""
         solved, singles = self.solved, self.singles[name]
         block = np.arange(solved.x.size)[solved.unknowns.blocks[name]]
         law = solved.determined[block]
@@ -416,7 +416,7 @@ def _compared(solved: _Solved) -> _Compared:
 
 
 def _alone(joint: _Solved, i: int) -> _Solved:
-    """Fit of the law of one of the curves, with the noise and other laws of all."""
+    """Fit to curve i alone, keeping joint noise and other laws."""
     unknowns, sample = joint.unknowns, joint.samples[i]
     model, values = unknowns.models[sample.part], joint.x[unknowns.blocks[sample.part]]
     noise, laws = joint.noise[i : i + 1], unknowns.laws(joint.x)

@@ -343,7 +343,7 @@ class Unknowns:
         of_curves: Sequence[ndarray],
         curves: Sequence[int],
     ) -> tuple[ndarray, Callable[[Any], ndarray]]:
-        """Predictions of some curves without a law, and what the law adds to them."""
+        """Predictions at zero law, and the contribution of the law."""
         at_rest = self._joined({**laws, part: Linear(0.0)}, of_curves, curves)
 
         def value(law: Any) -> ndarray:

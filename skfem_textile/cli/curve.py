@@ -1,6 +1,5 @@
 """Machine curve (force against displacement) of a run."""
 
-import csv
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -132,10 +131,7 @@ def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
 
 def write_curve(curve: Curve, path: Path) -> None:
     """Write the columns of a curve as CSV; see `word_of`."""
-    from ..io.file_numbers import word_of
+    from ..io.file_numbers import word_of, write_table
 
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(curve)
-        for row in zip(*(column.tolist() for column in curve.values()), strict=True):
-            writer.writerow(map(word_of, row))
+    rows = zip(*(column.tolist() for column in curve.values()), strict=True)
+    write_table(path, curve, (map(word_of, row) for row in rows))

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.user_input import printable
+from ..mesh.graph import boundary_edges
+from ..mesh.user_input import coords, printable
 from .interruption import held
 from .net_report import (
     Cells,
@@ -193,7 +194,6 @@ def _laid(options: argparse.Namespace) -> Part:
 def _edges(tool: "TriangleMesh", options: argparse.Namespace) -> list[ndarray]:
     """Closed curves along the edges of a tool; none if it is closed."""
     from ..io.file_numbers import errors_about
-    from ..surfaces.triangles import boundary_edges
 
     what = ", ".join(map(printable, options.tool))
     if boundary_edges(tool.facets.cells).size:
@@ -239,10 +239,10 @@ def _off_tool(
     away = distances_from(tool, curve)
     far = np.flatnonzero(away > (REACH if is_closed else 1.0) * cell)
     if far.size and (is_closed or far.size == away.size):
-        place = ", ".join(f"{c:.7g}" for c in curve[:, far[0]])
         return (
             f"the curve leaves the tool: {far.size} of its {curve.shape[1]} points are "
-            f"up to {away.max():.3g} mm from it, the first at [{place}]"
+            f"up to {away.max():.3g} mm from it, the first at "
+            f"{coords(curve[:, far[0]])} mm"
         )
     extent = float(np.linalg.norm(np.ptp(curve, axis=1)))
     if extent < cell:

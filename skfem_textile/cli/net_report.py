@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import coords
 from .page import Row
 
 if TYPE_CHECKING:
@@ -299,6 +300,6 @@ def _shear_row(cells: Cells, options: argparse.Namespace) -> Row:
 
 def _places(points: ndarray) -> str:
     """First of some points, and their number."""
-    x = ", ".join(f"{c:.4g}" for c in points[:, 0])
     more = points.shape[1] - 1
-    return f"({x}) mm" + (f" and {more} other places" if more else "")
+    others = f" and {more} other places" if more else ""
+    return f"{coords(points[:, 0], 4)} mm{others}"

@@ -37,7 +37,7 @@ _ROUND_OFF = 1e-9
 
 
 def check_tools(ply: Ply, moved: bool = False) -> None:
-    """Refuse tools without room for a ply, without contact, or without its symmetry.
+    """Refuse tools that cross, touch nothing, or break the symmetry of the ply.
 
     `LoadStepper` calls it before each run.  Each tool pushes the nodes along from load
     factor 0 to 1.  A node that one tool pushes into another on the opposite side of the
@@ -112,7 +112,7 @@ def _normal(tool: ToolContact, X: ndarray) -> ndarray:
 def _pushed_out(
     tool: ToolContact, x: ndarray, t: float, free: float
 ) -> tuple[ndarray, ndarray]:
-    """Points with those inside a tool on its surface, and the numbers of these."""
+    """Project points inside a tool onto its surface; all points, numbers of these."""
     nodes = np.flatnonzero(tool.gaps_at(x, t) < -free)
     on_tool, gap, _ = _projected(tool._obstacle, x[:, nodes], t, free)
     x = x.copy()
@@ -123,7 +123,7 @@ def _pushed_out(
 def _projected(
     obstacle: Obstacle, x: ndarray, t: float, free: float
 ) -> tuple[ndarray, ndarray, ndarray]:
-    """Points moved to a gap of zero where possible, their gaps and normals."""
+    """Newton iteration to zero gap; points, their remaining gaps and normals."""
     for _ in range(_MOST):
         gap, normal, *_ = obstacle.gaps(x, t)
         off = np.isfinite(gap) & (np.abs(gap) > free)
@@ -142,7 +142,7 @@ def _refuse_crossing(
     t: float,
     free: float,
 ) -> None:
-    """Refuse a tool that pushes some nodes X, to points x, into another tool."""
+    """Refuse a tool that pushes nodes from X to x, inside another tool."""
     depth = np.maximum(-other.gaps_at(x[:, nodes], t), 0.0)
     if depth.max(initial=0.0) <= 2 * free:
         return
@@ -203,7 +203,7 @@ def _refuse_asymmetric(ply: Ply, tools: Sequence[Pressing]) -> None:
 
 
 def _points_of(bare: Obstacle, x: ndarray, t: float, ply: Ply) -> ndarray:
-    """Points of a surface nearest to others, over a ply and on the side that faces it.
+    """Project points onto a surface; those above the ply, on the side facing it.
 
     ``bare`` has neither thickness nor gap.
     """
@@ -226,7 +226,7 @@ def _mirrored(ply: Ply, name: str, x: ndarray) -> ndarray:
 def _refuse_off(
     tool: Pressing, boundary: str, x: ndarray, off: ndarray, ply: Ply, t: float
 ) -> None:
-    """Refuse distances of mirror images of points x that are not due to rounding."""
+    """Refuse distances ``off`` of mirror images of x from the tool beyond rounding."""
     obstacle, allowed, worst = tool._obstacle, _ASYMMETRIC * _size(ply), off.argmax()
     if facets := getattr(obstacle.surface, "facets", None):
         allowed = max(allowed, _OF_TRIANGLES * float(facets.longest_edges().mean()))

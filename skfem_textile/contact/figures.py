@@ -115,7 +115,7 @@ def _first(result: Result, deepest: Mapping[str, float | str]) -> list[Quantity]
 
 
 def mirror_images(ply: Ply) -> int:
-    """Number of copies of a ply, by its planes of symmetry, that are the whole ply.
+    """Number of mirror images of a ply that make up the whole ply.
 
     1 without planes; 2 for one plane, and 4 for two at right angles; 0 if the copies do
     not fit together.
@@ -135,7 +135,7 @@ _ACROSS = 1e-6
 
 
 def _of_whole_ply(ply: Ply, history: Mapping[str, ndarray]) -> dict[str, float]:
-    """Forces of the tools on the whole ply, if a part of it is computed."""
+    """Tool forces on the whole ply, if only a half or quarter is computed."""
     parts = mirror_images(ply)
     if parts not in PARTS:
         return {}

@@ -107,7 +107,7 @@ def touching(ply: Ply, contact: ToolContact, state: State) -> ndarray:
     Parameters as in `turn_on_tool`.
     """
     nodes = ply.basis.element_dofs[::3] // 3
-    return np.asarray(_pressed(contact, state)[nodes].any(axis=0))
+    return np.asarray(_in_contact(contact, state)[nodes].any(axis=0))
 
 
 def nodes_in_contact(tool: Pressing, state: State) -> int:
@@ -115,10 +115,10 @@ def nodes_in_contact(tool: Pressing, state: State) -> int:
 
     Parameters as in `tool_pressure`.
     """
-    return int(_pressed(tool, state).sum())
+    return int(_in_contact(tool, state).sum())
 
 
-def _pressed(tool: Pressing, state: State) -> ndarray:
+def _in_contact(tool: Pressing, state: State) -> ndarray:
     """Nodes on which a tool or holder presses: bool, shape (n_nodes,)."""
     force = _forces(tool, state)
     return np.asarray(force > _NONE * force.max())

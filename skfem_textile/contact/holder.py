@@ -90,19 +90,19 @@ class HolderPressure(ElementTerm):
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
-        _, factors, _, local = self._pressed(u, t, p)
+        _, factors, _, local = self._nodes_under(u, t, p)
         return float(factors @ self._surface.level(local))
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Forces towards the surface."""
-        nodes, factors, rotation, local = self._pressed(u, t, p)
+        nodes, factors, rotation, local = self._nodes_under(u, t, p)
         f = np.zeros((self.nodes.size, 3))
         f[nodes] = (factors * (rotation @ self._surface.gradient(local))).T
         return f.ravel()
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Their derivative: nodal blocks, shape (1, 3, 3, n_nodes)."""
-        nodes, factors, rotation, local = self._pressed(u, t, p)
+        nodes, factors, rotation, local = self._nodes_under(u, t, p)
         K = np.zeros((3, 3, self.nodes.size))
         H = factors * self._surface.hessian(local)
         K[..., nodes] = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
@@ -128,7 +128,7 @@ class HolderPressure(ElementTerm):
         """Angle of its rotation from its initial position in radians."""
         return self._obstacle.rotation(t)
 
-    def _pressed(
+    def _nodes_under(
         self, u: ndarray, t: float, p: Values
     ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
         """Nodes under the holder, factors of φ, rotation, and nodes in its axes."""

@@ -18,7 +18,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from skfem import CellBasis, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, coords, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm
 from ..solve.on_surface import (
@@ -26,7 +26,7 @@ from ..solve.on_surface import (
     SurfaceError,
     check_surface,
 )
-from ..surfaces.surface import Surface, place
+from ..surfaces.surface import Surface
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
 #: the load factor that returns the translation, or a rotation matrix and it.
@@ -143,7 +143,7 @@ class Obstacle:
 
     def place(self, position: ndarray) -> str:
         """Position in a message, given in the axes of the ply, shape (3,)."""
-        return place(self.stated(position[:, None])[:, 0])
+        return f"{coords(self.stated(position[:, None])[:, 0], 4)} mm"
 
     @classmethod
     def of(
@@ -229,7 +229,7 @@ class Obstacle:
             )
 
     def _near(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """Numbers of points that may touch the surface, and normals at the others."""
+        """Indices of points near the surface, and normals at the other points."""
         far_away = getattr(self.surface, "far_away", None)
         if far_away is None or self.reach is not None:
             return np.arange(x.shape[1]), np.zeros(x.shape)
@@ -525,7 +525,7 @@ class ToolContact(ContactTerm):
         return placement(self._obstacle.what, self._obstacle.motion, t)
 
     def _at(self, u: ndarray, t: float) -> Gaps:
-        """Gaps at the nodes of a displacement, which an iteration uses repeatedly."""
+        """Gaps of the nodes at a displacement; the last evaluation is kept."""
         last_u, last_t, last = self._last
         if last is not None and t == last_t and np.array_equal(u, last_u):
             return last

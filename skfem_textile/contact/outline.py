@@ -62,7 +62,7 @@ def is_flat(corners: ndarray) -> bool:
 
 
 def crossing_edges(corners: ndarray) -> tuple[int, int] | None:
-    """Two edges of a polygon that cross, by their first corners; None without any."""
+    """First corners of two crossing edges of a polygon; None if none cross."""
     require(_OUTLINE, "outlines", "shapely")
     import shapely
 

@@ -1,6 +1,7 @@
-"""Triangles of tools where they stand at load factors, for pictures and files."""
+"""Triangles of tools at their positions at load factors, for pictures and files."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy import ndarray
 
 from ..ply import Ply
 from ..solve.states import State
-from ..surfaces.surface import Surface
+from ..surfaces.surface import OffSurfaceError, Surface, onto
 from ..surfaces.tool_mesh import triangles_within
 from .holder import contacts
 from .obstacle import ToolContact, placement
@@ -55,7 +56,7 @@ def placed_tools(
     high: ndarray,
     cells: int = _CUBES,
 ) -> list[list[PlacedTool]]:
-    """Tools of a ply, and holders with a gap, where they stand at load factors.
+    """Tools of a ply, and holders with a gap, at their positions at load factors.
 
     Parameters
     ----------
@@ -120,7 +121,7 @@ def _placed(
 
 
 def _anticlockwise(x: ndarray, triangles: ndarray, normals: ndarray) -> ndarray:
-    """Triangles with the order of their corners about the normals."""
+    """Reorder corners of triangles anticlockwise about the normals."""
     a, b, c = (x[:, corner] for corner in triangles)
     clockwise = (np.cross(b - a, c - a, axis=0) * normals).sum(axis=0) < 0
     return np.where(clockwise, triangles[::-1], triangles)
@@ -129,7 +130,7 @@ def _anticlockwise(x: ndarray, triangles: ndarray, normals: ndarray) -> ndarray:
 def _cut(
     surface: Surface, outline: ndarray, x: ndarray, triangles: ndarray
 ) -> tuple[ndarray, ndarray]:
-    """Points moved onto the outline where triangles cross it, and triangles inside."""
+    """Trim triangles at an outline: moved points, and mask of kept triangles."""
     within = inside(outline, x[:2])
     kept = within[triangles].any(axis=0)
     crossing = np.zeros(x.shape[1], dtype=bool)
@@ -137,7 +138,6 @@ def _cut(
     crossing &= ~within
     moved = x.copy()
     moved[:2, crossing] = nearest(outline, x[:2, crossing])
-    level = surface.level(moved[:, crossing])
-    gradient = surface.gradient(moved[:, crossing])
-    moved[:, crossing] -= level / (gradient**2).sum(axis=0) * gradient
+    with suppress(OffSurfaceError):  # at a kink, they stay at their height
+        moved[:, crossing] = onto(surface, moved[:, crossing])
     return moved, kept

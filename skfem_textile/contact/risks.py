@@ -176,7 +176,7 @@ def share_of_area(ply: Ply, elements: ndarray) -> float:
 
 
 def _on_surface(ply: Ply, surface: Surface, u: ndarray) -> tuple[ndarray, Surface]:
-    """Positions of the nodes on the fully grown surface, and that surface."""
+    """Node positions, scaled to the surface at full size, and that surface."""
     x = ply.positions(u)
     if not isinstance(surface, GrowingSurface):
         return x, surface
@@ -215,7 +215,7 @@ def most_compressed(
 ) -> int | None:
     """Element with the greatest `wrinkle_risk`; None if no element is at risk.
 
-    Its fibres are compressed most beyond the limit.  Parameters as there.
+    The compression of its fibres exceeds the limit most.  Parameters as there.
     """
     distance = _distance_to_buckling(ply, u, parameters)
     first = int(np.nan_to_num(distance, nan=-np.inf).argmin())
@@ -225,7 +225,7 @@ def most_compressed(
 def _distance_to_buckling(
     ply: Ply, u: ndarray, parameters: PlyParameters | None
 ) -> ndarray:
-    """Smaller mean tension of both families above buckling in N/mm, (n_elements,)."""
+    """Smaller mean tension of both families minus the buckling limit, N/mm, (n,)."""
     tension, weight = ply.fibre_tension(u, parameters), ply.basis.dx
     mean = (tension * weight).sum(axis=-1) / weight.sum(axis=-1)
     sheared, fabric = np.abs(ply.shear_angle(u)).max(axis=1), ply.fabric.at()

@@ -86,7 +86,7 @@ class EndEdges:
 
 @dataclass(frozen=True, eq=False)
 class Clamps:
-    """Boundary edges at which fibres keep their direction or rotate as prescribed.
+    """Clamped boundary edges: fibre direction fixed, or rotated as prescribed.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ def clamps(edges: EndEdges, turning: Sequence[ndarray]) -> Clamps:
     return Clamps(edges, csr_matrix(np.reshape(columns, shape[::-1]).T))
 
 
-def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
+def edges_with_fibres(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
     """Boundary edges with the fibre directions there.
 
     A is the unit direction of the fibres in each element, shape (2, n_elements).
@@ -125,8 +125,8 @@ def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
 
 
 def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
-    """Boundary edges not parallel to fibres; parameters as in `boundary_edges`."""
-    edges = boundary_edges(mesh, A, facets)
+    """Boundary edges not parallel to fibres; parameters as in `edges_with_fibres`."""
+    edges = edges_with_fibres(mesh, A, facets)
     meets = np.abs(edges.across) > _ALONG
     return EndEdges(facets[meets], edges.A[:, meets], edges.N[:, meets])
 
@@ -275,14 +275,14 @@ def matrix_of_triangles(
         curvature = curvature + through(edges, B * edges.across)
     slope = clamped.edges.A * clamped.edges.across
     K = block_diag([_of_jumps(mesh, along, D, area), csr_matrix((n_turned, n_turned))])
-    K = K + _held(mesh, clamped.edges, slope, D, area, clamped.turned)
+    K = K + _clamp_penalty(mesh, clamped.edges, slope, D, area, clamped.turned)
     every: Any = identity(d)
     K, curvature = kron(K, every), kron(curvature, every)
     for edges, even in _planes(mirrors, d):
         slope = edges.N * edges.across**2
         none = csr_matrix((edges.facets.size, n_turned))
         curvature = curvature - kron(through(edges, slope), even)
-        K = K + kron(_held(mesh, edges, slope, D, area, none), even)
+        K = K + kron(_clamp_penalty(mesh, edges, slope, D, area, none), even)
     return K + curvature.T @ kron(diags(D / area), every) @ curvature
 
 
@@ -363,7 +363,7 @@ def _of_jumps(
     )
 
 
-def _held(
+def _clamp_penalty(
     mesh: Any,
     edges: EndEdges,
     slope: ndarray,
@@ -437,7 +437,7 @@ def twist_matrix(
         Twist stiffness per width of ply in N·mm in each element, shape (n_elements,).
     """
     mesh: Mesh = basis.mesh
-    edges = boundary_edges(mesh, A, mesh.boundary_facets())
+    edges = edges_with_fibres(mesh, A, mesh.boundary_facets())
     none = EndEdges(edges.facets[:0], edges.A[:, :0], edges.N[:, :0])
     return _matrix(basis, (A, B), D, edges, clamps(none, []), none)
 

@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 
 from ..fabric.laws.tabulated import HEADING, read_lines, with_decimal_points
 from ..mesh.user_input import IN_MM, excerpt, number_of_text, printable
+from .file_numbers import errors_about
 
 # Distance in mm between a curve of a DXF file and its chords, as of an outline.
 _TOLERANCE = 0.01
@@ -60,7 +61,7 @@ def _of_table(path: str | os.PathLike[str]) -> ndarray:
     first[0] = first[0].lstrip().removeprefix("#")
     words = ",".join(lines[0][1]).split()
     if len(lines[0][1]) == 1 or (len(words) == 3 and all(map(_is_number, words))):
-        lines = _spaced(file, lines)
+        lines = _split_at_spaces(file, lines)
     columns, scale, (number, head) = [0, 1, 2], np.ones(3), lines[0]
     if len(head) == 3 and all(map(_is_number, head)) and not is_heading:
         lines[0] = number, [cell.replace(",", ".") for cell in head]
@@ -82,14 +83,15 @@ def _of_table(path: str | os.PathLike[str]) -> ndarray:
     return scale * np.reshape(points, (-1, 3))
 
 
-def _spaced(
+def _split_at_spaces(
     file: str, lines: list[tuple[int, list[str]]]
 ) -> list[tuple[int, list[str]]]:
     """Rows with spaces between the columns, numbers with decimal points."""
     (first, head), *others = [(k, ",".join(row).split()) for k, row in lines]
     if not all(map(_is_number, head := _joined_units(head))):
         _columns(file, head)
-    return [(first, head), *with_decimal_points(file, others)]
+    with errors_about(file):
+        return [(first, head), *with_decimal_points(others)]
 
 
 def _joined_units(words: list[str]) -> list[str]:

@@ -4,7 +4,6 @@ The first local direction of an `*ORIENTATION` is along the fill yarns of a fabr
 second along the warp yarns (Abaqus Analysis User's Guide, "Fabric material behavior").
 """
 
-import csv
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..fabric.directions import FibreDirections
+from ..fabric.laws.tabulated import lines_of
 from ..mesh.checks import MeshError
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import excerpt, number_of_text
@@ -27,7 +27,7 @@ from .abaqus import (
     read_elements,
     without_trailing_comma,
 )
-from .file_numbers import errors_about, from_words, tag_positions
+from .file_numbers import errors_about, from_words, tag_positions, write_table
 from .vtk import read_xml, write_grid
 
 _SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
@@ -102,12 +102,8 @@ def _of_vtu(content: bytes) -> FibreDirections:
 
 
 def _of_csv(content: bytes) -> FibreDirections:
-    try:
-        rows = list(csv.reader(content.decode("utf-8-sig").splitlines(), strict=True))
-    except (UnicodeDecodeError, csv.Error):
-        raise MeshError("the file is not a CSV file in UTF-8") from None
-    lines = [(i, row) for i, row in enumerate(rows, 1) if any(map(str.strip, row))]
-    header = [name.strip() for name in lines[0][1]] if lines else []
+    lines = lines_of(content)
+    header = [name.strip() for name in lines[0][1]]
     needed = ("element", *_ANGLES)
     if any(header.count(name) != 1 for name in needed):
         raise MeshError(f"row 1: the header must name the columns {', '.join(needed)}")
@@ -188,10 +184,8 @@ def write_directions(
     elif suffix == ".csv":
         centres = np.hstack([points[:, cell].mean(axis=1) for cell in cells])
         table = np.vstack([centres, directions.angles_deg()]).T.tolist()
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(("element", "x", "y", *_ANGLES))
-            writer.writerows([i, *row] for i, row in enumerate(table, 1))
+        rows = ([i, *row] for i, row in enumerate(table, 1))
+        write_table(path, ("element", "x", "y", *_ANGLES), rows)
     elif suffix == ".inp":
         normal = np.zeros_like(warp)
         normal[2] = 1.0

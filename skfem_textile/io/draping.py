@@ -1,6 +1,5 @@
 """Output of draped fibres and flat patterns."""
 
-import csv
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,6 +23,7 @@ from ..surfaces.surface import SAME_AXES, Axes
 from ..surfaces.tool_mesh import ToolMesh
 from .abaqus import deck_of
 from .directions import write_directions
+from .file_numbers import write_table
 from .results import cell_fields, on_users_elements
 from .vtk import write_grid
 
@@ -69,13 +69,12 @@ def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
         write_grid(path, mesh.points, mesh.cells, fields)
     elif suffix == ".csv":
         table = np.vstack([mesh.centres(), *measures]).T.tolist()
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(("element", "x", "y", "z", "covered", *_MEASURES))
-            rows = zip(table, fibres.covered.tolist(), strict=True)
-            for i, (row, covered) in enumerate(rows, 1):
-                known = row[3:] if covered else [""] * len(_MEASURES)
-                writer.writerow([i, *row[:3], int(covered), *known])
+        empty, covered = [""] * len(_MEASURES), fibres.covered.tolist()
+        rows = (
+            [i, *row[:3], int(known), *(row[3:] if known else empty)]
+            for i, (row, known) in enumerate(zip(table, covered, strict=True), 1)
+        )
+        write_table(path, ("element", "x", "y", "z", "covered", *_MEASURES), rows)
     elif suffix == ".inp":
         directions = fibres.warp, fibres.weft, fibres.normal
         deck = deck_of(mesh.cells, mesh.points, *directions)
@@ -214,34 +213,26 @@ def write_pattern(
 def _write_outline_csv(
     path: Path, curves: list[FlatPattern], seams: list[SeamLine]
 ) -> None:
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            (
-                *("curve", "point", "x", "y", "along", "warp_angle_deg"),
-                *("weft_angle_deg", "tool_x", "tool_y", "tool_z", "seam"),
-            )
-        )
-        warp, weft = (way[:, :1] for way in (curves[0].warp, curves[0].weft))
-        lines = [
-            *(
-                (curve.outline, curve.on_tool, curve.warp, curve.weft, "")
-                for curve in curves
-            ),
-            *((seam.flat, seam.on_tool, warp, weft, seam.number) for seam in seams),
+    warp, weft = (way[:, :1] for way in (curves[0].warp, curves[0].weft))
+    lines = [
+        *((one.outline, one.on_tool, one.warp, one.weft, "") for one in curves),
+        *((seam.flat, seam.on_tool, warp, weft, seam.number) for seam in seams),
+    ]
+    rows = []
+    for number, (flat, on_tool, *fibres, seam) in enumerate(lines, 1):
+        n = flat.shape[1]
+        steps = np.linalg.norm(np.diff(flat, axis=1), axis=0)
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        angles = [
+            np.broadcast_to(np.degrees(np.arctan2(y, x)) + 0.0, n) for x, y in fibres
         ]
-        for number, (flat, on_tool, *fibres, seam) in enumerate(lines, 1):
-            n = flat.shape[1]
-            steps = np.linalg.norm(np.diff(flat, axis=1), axis=0)
-            along = np.concatenate([[0.0], np.cumsum(steps)])
-            angles = [
-                np.broadcast_to(np.degrees(np.arctan2(y, x)) + 0.0, n)
-                for x, y in fibres
-            ]
-            table = np.vstack([flat, along, *angles, on_tool])
-            writer.writerows(
-                [number, i, *row, seam] for i, row in enumerate(table.T.tolist(), 1)
-            )
+        table = np.vstack([flat, along, *angles, on_tool])
+        rows += [[number, i, *row, seam] for i, row in enumerate(table.T.tolist(), 1)]
+    header = (
+        *("curve", "point", "x", "y", "along", "warp_angle_deg"),
+        *("weft_angle_deg", "tool_x", "tool_y", "tool_z", "seam"),
+    )
+    write_table(path, header, rows)
 
 
 class _Drawing(NamedTuple):

@@ -1,7 +1,9 @@
 """Numbers in text and binary files, read with validation of their count."""
 
 import contextlib
-from collections.abc import Iterator
+import csv
+import os
+from collections.abc import Iterable, Iterator
 from typing import Any, NoReturn
 
 import numpy as np
@@ -34,6 +36,14 @@ def word_of(x: float | None) -> str:
     ('3', '0.333333333333', '')
     """
     return "" if x is None or not np.isfinite(x) else f"{x:.12g}"
+
+
+def write_table(
+    path: str | os.PathLike[str], header: Iterable[str], rows: Iterable[Iterable[Any]]
+) -> None:
+    """Write rows of cells below a header as CSV in UTF-8."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([header, *rows])
 
 
 def from_words(words: list[bytes], dtype: Any) -> ndarray:

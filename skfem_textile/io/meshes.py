@@ -19,11 +19,12 @@ from ..mesh.checks import (
     refuse_metres,
     refuse_positions,
 )
+from ..mesh.graph import boundary_edges
 from ..mesh.progress import shown
 from ..mesh.requirements import without_messages
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import with_named_nodes
-from ..mesh.splitting import boundary_edges, named_edges, split_cells
+from ..mesh.splitting import named_edges, split_cells
 from ..mesh.user_input import printable
 from . import abaqus, gmsh, vtk
 from .file_numbers import errors_about
@@ -254,7 +255,8 @@ def _merge(named: dict[str, ndarray], name: str, more: ndarray) -> None:
 
 def _name_node_sets(content: _Content, raw: meshio.Mesh) -> None:
     """Name the outer edges within each set of nodes, and its other nodes."""
-    outer, n = boundary_edges(content.cells), content.points.shape[1]
+    outer = np.sort(boundary_edges(content.cells), axis=0)
+    n = content.points.shape[1]
     for name, members in raw.point_sets.items():
         nodes = np.asarray(members).astype(int).ravel()
         if nodes.size and (nodes.min() < 0 or nodes.max() >= n):

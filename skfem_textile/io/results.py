@@ -1,7 +1,6 @@
 """Output of results: fields, history and summary."""
 
 import contextlib
-import csv
 import json
 import math
 import os
@@ -26,7 +25,7 @@ from ..ply.terms import ContactTerm
 from ..solve.result import Result
 from ..solve.states import State
 from ..surfaces.surface import SAME_AXES, Axes, Surface
-from .file_numbers import word_of
+from .file_numbers import word_of, write_table
 from .vtk import write_grid, write_series
 
 
@@ -225,11 +224,8 @@ def write_history(
         of_tools = tool_history(result)
         for i, row in enumerate(rows):
             row |= {name: column[i].item() for name, column in of_tools.items()}
-    with _name_path(path), open(path, "w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({column: word_of(x) for column, x in row.items()})
+    with _name_path(path):
+        write_table(path, rows[0], (map(word_of, row.values()) for row in rows))
 
 
 def write_summary(summary: Mapping[str, Any], path: str | os.PathLike[str]) -> None:

@@ -9,7 +9,7 @@ from skfem import Element, ElementQuad1, ElementTriP1, Mesh
 from skfem.helpers import det
 
 from .bases import GAUSS
-from .overlap import boundary_of, cells_within, contact_of
+from .overlap import boundary_of, cells_within, overlap_of
 from .scikit_fem import with_names
 from .selection import named_nodes
 
@@ -86,7 +86,7 @@ def check_mesh(mesh: Mesh) -> None:
     correct = "correct the positions or the order of their nodes"
     refuse(f"{cell}(s) are inverted or degenerate", inverted | collapsed, correct)
     refuse(f"{cell}(s) overlap a neighbour", _overlapping(mesh, turn), correct)
-    _refuse_contact(mesh, cell)
+    _refuse_overlap(mesh, cell)
     for name, edges in (mesh.boundaries or {}).items():
         _refuse_names(f"boundary {name!r}", edges, mesh.nfacets)
     for name, nodes in named_nodes(mesh).items():
@@ -161,30 +161,30 @@ def _refuse_names(what: str, numbers: ndarray, n: int) -> None:
         )
 
 
-def _refuse_contact(mesh: Mesh, cell: str) -> None:
+def _refuse_overlap(mesh: Mesh, cell: str) -> None:
     """Refuse a mesh that overlaps itself, or touches itself except along cuts."""
     boundary = boundary_of(mesh)
-    contact = contact_of(boundary)
-    if contact is None:
+    found = overlap_of(boundary)
+    if found is None:
         raise MeshError(
             "the mesh cannot be checked for overlaps, because too many boundary edges "
             "lie on top of others: keep one layer of cells"
         )
     refuse(
         f"{cell}(s) lie on top of others, edge on edge",
-        contact.layered,
+        found.layered,
         "keep one layer",
     )
     overlap = f"{cell}(s) overlap others that are not neighbours"
-    refuse(f"{overlap}, where the boundary crosses itself", contact.crossing)
+    refuse(f"{overlap}, where the boundary crosses itself", found.crossing)
     refuse(
         "node(s) lie in the interior of an edge",
-        contact.hanging,
+        found.hanging,
         "split the cell there or move the node",
     )
     refuse(
         "node(s) coincide with others",
-        contact.doubled,
+        found.doubled,
         "merge them (the sides of a cut may touch only if both of its ends are single "
         "nodes; otherwise move them apart)",
     )

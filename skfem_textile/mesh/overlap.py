@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from .pattern import components
+from .graph import components
 
 # Share of the shorter edge below which nodes coincide.  Chosen: above the rounding of
 # coordinates with seven digits.
@@ -93,8 +93,8 @@ def boundary_of(mesh: Mesh) -> Boundary:
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
-    """Contact of a boundary with itself.
+class Overlap:
+    """Edges and nodes at which a boundary touches or crosses itself.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Contact:
     doubled: ndarray
 
 
-def contact_of(boundary: Boundary) -> Contact | None:
+def overlap_of(boundary: Boundary) -> Overlap | None:
     """Edges of a boundary that touch or cross others.
 
     None if more than `_MOST_PAIRS` pairs are close.
@@ -145,7 +145,7 @@ def contact_of(boundary: Boundary) -> Contact | None:
         crossing &= beyond[0] * beyond[1] < 0
     cells, layered = boundary.cell[np.stack([i, j])], meet[0, 0] & meet[1, 1]
     seam = ends[:, i[meet[0, 1] & meet[1, 0]]]
-    return Contact(
+    return Overlap(
         np.unique(cells[:, layered]),
         np.unique(cells[:, crossing]),
         np.unique(np.concatenate(hanging)),

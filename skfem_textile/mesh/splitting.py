@@ -17,27 +17,11 @@ from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.helpers import cross
 
 from .checks import MeshError, refuse_nodes
+from .graph import edges_of
 from .progress import shown
 from .scikit_fem import with_names
 from .selection import NamedNodes, edge_numbers, named_nodes
-
-
-def edges_of(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray]:
-    """Ends of each edge, shape (2, n), and the edge of each side of each cell."""
-    ends = np.concatenate([_ends(cell) for cell in cells], axis=1)
-    pairs, inverse = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True)
-    return pairs, inverse.ravel()
-
-
-def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
-    """Node numbers of the edges that belong to one cell only, shape (2, n)."""
-    pairs, inverse = edges_of(cells)
-    return pairs[:, np.bincount(inverse) == 1]
-
-
-def _ends(cell: ndarray) -> ndarray:
-    """Node numbers of the edges of cells, edge by edge, shape (2, k·n)."""
-    return np.stack([cell.ravel(), np.roll(cell, -1, axis=0).ravel()])
+from .user_input import coords
 
 
 def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> ndarray:
@@ -53,15 +37,10 @@ def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> nd
         others = f", or {more} further pair(s) of its nodes" if more else ""
         raise MeshError(
             f"boundary {name!r}: no edge of the mesh joins nodes {a} and {b}, at "
-            f"{_position(points, a)} and {_position(points, b)}{others}; specify "
+            f"{coords(points[:, a])} and {coords(points[:, b])}{others}; specify "
             "edges of cells"
         )
     return numbers
-
-
-def _position(points: ndarray, node: int) -> str:
-    x, y = points[:, node].tolist()
-    return f"({x:g}, {y:g})"
 
 
 def hat_functions(mesh: Mesh, n_nodes: int) -> csr_matrix:

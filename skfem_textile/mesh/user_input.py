@@ -142,6 +142,12 @@ def excerpt(text: bytes | str) -> str:
     return printable(text[:_LONGEST_TEXT])
 
 
+def coords(point: Any, digits: int = 6) -> str:
+    """Coordinates in a message, of an array or a shapely point."""
+    numbers = getattr(point, "coords", [point])[0]
+    return f"({', '.join(f'{round(float(x), 6) + 0.0:.{digits}g}' for x in numbers)})"
+
+
 def shortened(value: Any) -> str:
     """Value as text on one line, or its type if that is too long."""
     text = " ".join((repr if isinstance(value, str) else str)(value).split())

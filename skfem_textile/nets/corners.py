@@ -27,7 +27,7 @@ _BEND = 0.1
 
 
 def with_corners(tool: TriangleMesh, net: Net, margin: float) -> Net:
-    """Net with the missing corners of cells that have another corner on the tool.
+    """Extend edge cells beyond the tool, so that cells at edges are complete.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def with_corners(tool: TriangleMesh, net: Net, margin: float) -> Net:
 def filled_at_seams(
     tool: TriangleMesh, net: Net, margin: float, seams: Seams, locking_angle: float
 ) -> tuple[Net, Net]:
-    """Nets with the crossings on the left and on the right of the seams of darts.
+    """Lay the cells that are still missing next to the seams of darts, on both sides.
 
     The thread that ends where the net is flattest and sheared least continues as a
     geodesic, and the others follow from it.  Spots are filled last, from all sides, up
@@ -112,7 +112,7 @@ class _Filling:
         return replace(self._net, positions=self._x, status=self._status, seams=labels)
 
     def reconsider(self) -> None:
-        """Consider all missing corners again."""
+        """Make all missing corners candidates again."""
         self._front[:] = True
 
     def open_spots(self, locking_angle: float) -> None:
@@ -124,8 +124,7 @@ class _Filling:
     def corners(self, least: int) -> int:
         """Lay missing corners of cells once, and count the candidates.
 
-        The signs of the other corners are at least so large, on the side of seams that
-        is laid first.
+        Cells count if the other three corners have sign(label) · side ≥ ``least``.
         """
         laid = self._status == Status.LAID
         corners = _missing(laid, self._open & self._front)
@@ -172,7 +171,7 @@ class _Filling:
         return count
 
     def _ends(self) -> tuple[ndarray, ndarray]:
-        """Ends of threads where the net is deformed least, and their direction.
+        """Thread ends where the net is deformed least, and their directions.
 
         One for each seam, shape (2, n).
         """
@@ -251,7 +250,7 @@ def _angle(a: ndarray, b: ndarray) -> ndarray:
 
 
 def _padded(net: Net, count: int) -> Net:
-    """Net with places for so many crossings at all sides."""
+    """Net padded by this number of empty crossings on each side."""
     wide = [
         net.cell
         * np.arange(
@@ -272,7 +271,7 @@ def _padded(net: Net, count: int) -> Net:
 
 
 def _cropped(net: Net, laid: ndarray) -> Net:
-    """Net without the places at its sides at which no crossing was laid."""
+    """Net without its outer rows and columns in which no crossing was laid."""
     i, j = (
         slice(max(of[0] - 1, 0), of[-1] + 2)
         for of in (np.flatnonzero(laid.any(axis=k)) for k in (1, 0))
@@ -287,7 +286,7 @@ def _cropped(net: Net, laid: ndarray) -> Net:
 
 
 def _missing(laid: ndarray, open_: ndarray) -> ndarray:
-    """Corners of cells of which one is missing: opposite to it, next to it, and it.
+    """Cells with one missing corner: opposite corner, neighbours, missing corner.
 
     Numbers of crossings, shape (4, 2, n).
     """

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.graph import boundary_edges, edges_once
+from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import onto
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import boundary_edges, edges_once
 from .crossings import Net
 from .flat_pattern import FlatPattern, SeamLine
 from .kinematic_net import net
@@ -148,7 +149,7 @@ def _refuse_closed(tool: TriangleMesh) -> None:
     zero, as for a torus.
     """
     triangles = tool.facets.triangles()
-    _, first, _ = edges_once([triangles])
+    _, first, *_ = edges_once([triangles])
     euler = np.unique(triangles).size - first.size + triangles.shape[1]
     if euler and not boundary_edges([triangles]).size:
         raise ValueError(
@@ -169,7 +170,7 @@ def _start(laid: Net) -> ndarray:
 def _thread(
     tool: TriangleMesh, laid: Sequence[Net], last: Net, side: int, inside: int
 ) -> ndarray | None:
-    """Thread from which the next course starts, (3, n).
+    """First warp thread of the next course, shape (3, n).
 
     None beyond the tool, and where the courses around a tube meet.
     """
@@ -188,9 +189,9 @@ def _thread(
 def _outline(tool: TriangleMesh, laid: Net) -> FlatPattern:
     """Outline of a strip: the ends of its warp threads at the edges of a tool."""
     if laid.folds.size:
-        place = np.round(laid.folds[:, 0], 3).tolist()
         raise ValueError(
-            f"courses: a strip folds at {place}: use a narrower roll, or another start"
+            f"courses: a strip folds at {coords(laid.folds[:, 0])} mm: use a narrower "
+            "roll, or another start"
         )
     status = laid.status == Status.LAID
     x = laid.positions
@@ -267,7 +268,7 @@ def _with_sides(
     flat: ndarray,
     on_tool: ndarray,
 ) -> tuple[ndarray, ndarray]:
-    """Ends with one thread more on each side where the tool ends between two."""
+    """Add a thread on each side on which the tool ends between two threads."""
     weft = laid.cell * laid.directions[:, 1]
     x = laid.positions
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.user_input import CopiedError
+from ..mesh.user_input import CopiedError, coords
 from .laying import QUADRANTS, Status
 
 # Rounding of the length of a rod, relative to it.
@@ -25,7 +25,7 @@ class NetError(CopiedError, ValueError):
     """
 
     def __init__(self, what: str, position: ndarray, advice: str = "") -> None:
-        super().__init__(f"net: {what} at {np.round(position, 3).tolist()}{advice}")
+        super().__init__(f"net: {what} at {coords(position)} mm{advice}")
         self.position = position
 
 
@@ -78,7 +78,7 @@ class Net:
     def cells(self) -> ndarray:
         """Mask of the cells with four crossings, shape (n_warp, n_weft).
 
-        Between the edges of a dart there is none, but at its tip.
+        There are none between the edges of a dart, except at its tip.
         """
         laid = np.all(_corners(self.status == Status.LAID), axis=0)
         cut = laid & self.cut
@@ -266,7 +266,7 @@ class Net:
         return NetError("the net ends at the edge of the tool", position)
 
     def _before(self, status: Status) -> ndarray:
-        """Positions of the last crossings before those with a status, shape (3, n).
+        """Positions of the neighbours, towards the start, of crossings with a status.
 
         Those nearest to the start, in cells, come first.
         """
@@ -289,7 +289,7 @@ def _corners(values: ndarray) -> list[ndarray]:
 
 
 def up_to(ends: ndarray, shape: tuple[int, ...]) -> ndarray:
-    """Mask of the crossings of a quadrant up to the cell of any given point."""
+    """Mask of the crossings of a quadrant up to the cells that contain points."""
     last = np.floor(ends + 1e-11).astype(int) + 1
     last = last[:, (last > 0).all(axis=0)]
     own = np.zeros(shape, dtype=bool)

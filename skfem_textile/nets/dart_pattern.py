@@ -8,6 +8,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.overlap import signed_areas
+from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.triangles import unit
 from .crossings import Net
@@ -18,6 +19,7 @@ from .flat_pattern import (
     SeamLine,
     refuse_crossing,
     refuse_holes,
+    spaced,
     spaced_curve,
 )
 from .laying import Status
@@ -142,15 +144,15 @@ def _hole(laid: NetWithDarts, curve: ArrayLike, spacing: float) -> FlatPattern:
     flat = _flat(laid, points, laid.side_of(points))
     steps = np.linalg.norm(flat - np.roll(flat, -1, axis=1), axis=0)
     if steps.max() > JUMP * spacing:
-        place = np.round(points[:, steps.argmax()], 3).tolist()
         raise ValueError(
-            f"net with darts: a hole crosses the seam of a dart at {place}"
+            "net with darts: a hole crosses the seam of a dart at "
+            f"{coords(points[:, steps.argmax()])} mm"
         )
     return FlatPattern(flat, points, *_fibres(laid, points.shape[1]))
 
 
 def _only(laid: Net, mask: ndarray) -> ndarray:
-    """Statuses with the crossings of some cells only."""
+    """Statuses, with crossings outside the masked cells set to `OMITTED`."""
     keep = np.zeros(laid.status.shape, dtype=bool)
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         keep[i : i + mask.shape[0], j : j + mask.shape[1]] |= mask
@@ -160,7 +162,7 @@ def _only(laid: Net, mask: ndarray) -> ndarray:
 def _with_seams(
     laid: NetWithDarts, points: ndarray, side: ndarray, spacing: float
 ) -> tuple[list[tuple[ndarray, ndarray]], tuple[Dart, ...]]:
-    """Parts of an outline on the tool and in the flat ply, and darts up to it."""
+    """Split an outline at seams; pairs of points on the tool and flat, and darts."""
     cuts: list[tuple[int, ndarray]] = []
     for dart in laid.darts:
         away, *_ = dart.nearest(points)
@@ -172,7 +174,7 @@ def _with_seams(
         if (end - seam[:, last]) @ along < 0:
             last -= 1
         trimmed = np.column_stack([seam[:, : last + 1], end])
-        cuts.append((k, _spaced(trimmed, spacing)))
+        cuts.append((k, spaced(trimmed, spacing, closed=False)))
     flat = np.full((2, points.shape[1]), np.nan)
     others = ~np.isin(np.arange(points.shape[1]), [k for k, _ in cuts])
     flat[:, others] = _flat(laid, points[:, others], side[others])
@@ -225,9 +227,10 @@ def _edges(laid: NetWithDarts, seam: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _tip(one: ndarray, other: ndarray, length: float) -> ndarray:
-    """Point at a distance from the beginnings of two edges, shape (2,).
+    """Apex of the isosceles triangle over the first points of two edges, shape (2,).
 
-    The edges have two points each, (2, 2).  Of two such points the one before them.
+    Its sides have the given length.  Edges have two points, (2, 2), and lead away from
+    the apex.
     """
     middle, across = 0.5 * (one[:, 0] + other[:, 0]), other[:, 0] - one[:, 0]
     width = float(np.linalg.norm(across))
@@ -240,17 +243,8 @@ def _tip(one: ndarray, other: ndarray, length: float) -> ndarray:
     return np.asarray(middle - height * unit(along))
 
 
-def _spaced(points: ndarray, spacing: float) -> ndarray:
-    """Open polyline with points at most a spacing apart."""
-    lengths = np.linalg.norm(np.diff(points), axis=0)
-    at = np.concatenate([[0.0], np.cumsum(lengths)])
-    more = np.linspace(0.0, at[-1], int(np.ceil(at[-1] / spacing)) + 1)
-    s = np.unique(np.concatenate([at, more]))
-    return np.array([np.interp(s, at, x) for x in points])
-
-
 def _located(laid: NetWithDarts, x: ndarray, side: int) -> ndarray:
-    """Points in the flat ply on one side, shape (2, n); NaN beyond the net."""
+    """Flat points of points x on one side of the seam, (2, n); NaN beyond the net."""
     sheet = laid.sheet(side)
     places, flat = sheet.at(x), np.full((2, x.shape[1]), np.nan)
     flat[:, places.found] = sheet.flat_at(places)[:, places.found]
@@ -258,7 +252,7 @@ def _located(laid: NetWithDarts, x: ndarray, side: int) -> ndarray:
 
 
 def _flat(laid: NetWithDarts, x: ndarray, number: ndarray) -> ndarray:
-    """Points in the flat ply at points on the tool on numbered sides, shape (2, n)."""
+    """Flat points of points x on the tool, each on the side of its number, (2, n)."""
     flat = np.full((2, x.shape[1]), np.nan)
     for side in (0, 1):
         own = np.flatnonzero(number == side)
@@ -272,10 +266,10 @@ def _flat(laid: NetWithDarts, x: ndarray, number: ndarray) -> ndarray:
 
 def _refuse(x: ndarray) -> None:
     """Refuse a net that does not cover points of an outline or a seam."""
-    point = ", ".join(f"{c:.7g}" for c in x[:, 0])
     raise ValueError(
         f"net with darts: the net does not cover {x.shape[1]} points of the outline or "
-        f"a seam, the first at [{point}]: start elsewhere, or trim inside"
+        f"a seam, the first at {coords(x[:, 0])} mm: start elsewhere, or trim "
+        "inside"
     )
 
 

@@ -169,7 +169,7 @@ def net_with_darts(
 
 
 class _Piece(NamedTuple):
-    """One net with some of its cells."""
+    """Net, and the mask of the cells that belong to the piece."""
 
     pieces: list[tuple[Net, ndarray]]
 
@@ -182,7 +182,7 @@ def _any_corner(mask: ndarray) -> ndarray:
 def _locking(
     tool: TriangleMesh, laid: NetWithDarts, curvature: GaussCurvature
 ) -> list[tuple[ndarray, ndarray | None]]:
-    """Causes of folds and locking without a dart, next to the start, see `_cause`."""
+    """Causes of the folds and locked cells nearest to the start, see `_cause`."""
     from scipy.ndimage import label  # type: ignore[attr-defined]
 
     found: list[tuple[float, ndarray, ndarray | None]] = []

@@ -8,9 +8,9 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.overlap import Boundary, contact_of, signed_areas
+from ..mesh.overlap import Boundary, overlap_of, signed_areas
 from ..mesh.requirements import require
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import coords, real_numbers
 from ..surfaces.analytic import positive_length
 from ..surfaces.tool_mesh import curve_length
 from .sheet import Sheet, SheetPoints
@@ -33,7 +33,7 @@ _NOTHING = 1e-9
 
 
 class SeamLine(NamedTuple):
-    """Line of a flat pattern that lies on another one with the same number.
+    """Line of a flat pattern that is sewn to another one with the same number.
 
     Both edges of a dart have one number, and both sides of the seam of two courses.
 
@@ -162,15 +162,15 @@ def _outlined(sheet: Sheet, curve: ArrayLike, spacing: float) -> FlatPattern:
     """Outline of one curve."""
     points = _closed(curve)
     _points_on_ply(sheet, points)  # refuses a distant curve before points are added
-    points = _spaced(points, spacing)
+    points = spaced(points, spacing)
     places = _points_on_ply(sheet, points)
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
     outline = sheet.flat_at(places)
     steps = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=0)
     if steps.max() > JUMP * spacing:
-        point = np.round(points[:, steps.argmax()], 3).tolist()
         raise ValueError(
-            f"flat pattern: the outline jumps by {steps.max():.3g} mm at {point}, "
+            f"flat pattern: the outline jumps by {steps.max():.3g} mm at "
+            f"{coords(points[:, steps.argmax()])} mm, "
             "because the ply overlaps itself there or the curve runs around the tool: "
             "specify another curve, or a start inside it"
         )
@@ -193,10 +193,9 @@ def refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
     for hole in holes:
         cut = Polygon(hole.outline.T)
         if not left.contains(cut):
-            point = np.round(hole.on_tool[:, 0], 3).tolist()
             raise ValueError(
-                f"flat pattern: the hole that passes {point} crosses the outline or "
-                "another hole: specify closed curves that do not meet"
+                f"flat pattern: the hole that passes {coords(hole.on_tool[:, 0])} mm "
+                "crosses the outline or another hole: specify curves that do not meet"
             )
         left = left.difference(cut)
 
@@ -206,11 +205,10 @@ def _points_on_ply(sheet: Sheet, points: ndarray) -> SheetPoints:
     places = sheet.at(points)
     off = np.flatnonzero(~places.found)
     if off.size:
-        point = ", ".join(f"{c:.7g}" for c in points[:, off[0]])
         raise ValueError(
             f"flat pattern: the ply does not lie on {off.size} of {points.shape[1]} "
-            f"points of the curve, the first at [{point}]: lay the ply up to there, "
-            "trim inside it, or specify more points of the curve"
+            f"points of the curve, the first at {coords(points[:, off[0]])} mm: lay "
+            "the ply up to there, trim inside it, or specify more points of the curve"
         )
     return places
 
@@ -222,19 +220,18 @@ def refuse_crossing(outline: ndarray, points: ndarray) -> None:
     """
     n = np.arange(outline.shape[1])
     edges = Boundary(outline, np.array([n, np.roll(n, -1)]), n, np.ones(len(n)))
-    contact = contact_of(edges)
-    if contact is None:
+    overlap = overlap_of(edges)
+    if overlap is None:
         raise ValueError(
             "flat pattern: too many points of the outline are close to each other to "
             "determine whether it crosses itself: use fewer points, or a larger "
             "spacing"
         )
-    at = np.concatenate([contact.crossing, contact.doubled])
+    at = np.concatenate([overlap.crossing, overlap.doubled])
     if at.size:
-        point = np.round(points[:, at[0]], 3).tolist()
         raise ValueError(
-            f"flat pattern: the outline crosses itself at {point}: specify a curve "
-            "that runs once around the part"
+            f"flat pattern: the outline crosses itself at {coords(points[:, at[0]])} "
+            "mm: specify a curve that runs once around the part"
         )
 
 
@@ -251,15 +248,17 @@ def _closed(curve: ArrayLike) -> ndarray:
 
 def spaced_curve(curve: ArrayLike, spacing: float) -> ndarray:
     """Points of a closed curve without duplicates, at most a spacing apart."""
-    return _spaced(_closed(curve), spacing)
+    return spaced(_closed(curve), spacing)
 
 
-def _spaced(points: ndarray, spacing: float) -> ndarray:
-    """Closed curve with points at most a spacing apart."""
+def spaced(points: ndarray, spacing: float, closed: bool = True) -> ndarray:
+    """Polyline with added points, at most a spacing apart."""
     after = np.roll(points, -1, axis=1)
     with np.errstate(over="ignore"):  # infinitely many are refused
         parts = np.linalg.norm(after - points, axis=0) / spacing
     counts = np.maximum(np.ceil(parts), 1.0)
+    if not closed:
+        counts[-1] = 1.0
     if not counts.sum() <= _MOST:
         raise ValueError(
             f"flat pattern: the outline would have {counts.sum():.3g} points, but at "

@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import coords, real_numbers
 
 # Angle in degrees between two edges of an outline that meet at a corner.  Chosen:
 # outlines of round parts have at least twenty edges.
@@ -80,21 +80,21 @@ class GuideCurve:
 
 @dataclass(eq=False)
 class Walk:
-    """Way along a polyline, shape (3, n), from its first point."""
+    """Traversal of a polyline, shape (3, n), from its first point."""
 
     points: ndarray
 
     def after(self, x: ndarray, chord: float) -> tuple[ndarray, ndarray] | None:
         """Next point at a distance from x, and the direction there, shape (3,).
 
-        The way continues there.  None if it ends before.
+        The next call starts there.  None if the curve ends before.
         """
         away = np.linalg.norm(self.points - x[:, None], axis=0)
         beyond = np.flatnonzero(away >= chord)
         if beyond.size and not beyond[0]:
             raise ValueError(
                 f"net: the curve of a first thread is {away[0]:.3g} mm away from the "
-                f"tool at {np.round(self.points[:, 0], 3).tolist()}: specify a curve "
+                f"tool at {coords(self.points[:, 0])} mm: specify a curve "
                 "on the tool"
             )
         if not beyond.size:
@@ -111,7 +111,7 @@ class Walk:
 
 
 def edge_through(outline: ArrayLike, point: ArrayLike) -> ndarray:
-    """Part of a closed outline between its corners, through the place near a point.
+    """Edge of a closed outline, from corner to corner, that is nearest to a point.
 
     Corners are points where the outline turns by more than 30°.
 

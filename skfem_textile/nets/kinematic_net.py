@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import coords, real_numbers
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import Surface, onto, tangents
 from .crossings import Net, up_to
@@ -186,7 +186,7 @@ def nets_at_seams(
 ) -> tuple[Net, Net]:
     """Nets on the left and on the right of seams, which are edges of a tool.
 
-    They are the same where no thread comes from beyond a seam or a spot.
+    Both are equal where no thread has crossed a seam or a spot.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def start_of(
         if not np.linalg.norm(on_curve - place) <= cell:
             raise ValueError(
                 f"net: the curve of a first thread passes the start "
-                f"{np.round(place, 3).tolist()} at a distance of "
+                f"{coords(place)} mm at a distance of "
                 f"{np.linalg.norm(on_curve - place):.3g} mm: specify a start on it"
             )
         place = on_curve
@@ -318,7 +318,7 @@ def _counts(name: str, n: Any) -> tuple[int, int]:
 
 
 def _masks(ends: ndarray, limits: ndarray) -> list[ndarray]:
-    """Masks of the crossings of each quadrant up to points, in cells, (2, n)."""
+    """Masks of the crossings of each quadrant that cover points in cells, (2, n)."""
     masks = []
     for signs, shape in zip(QUADRANTS, limits + 1, strict=True):
         mask = up_to(ends * np.array(signs)[:, None], tuple(shape))
@@ -342,7 +342,7 @@ def _laid(
         for start in starts:
             if beyond(start.point[:, None])[0] > 0:
                 raise ValueError(
-                    f"net: the start {np.round(start.point, 3).tolist()} is beyond the "
+                    f"net: the start {coords(start.point)} mm is beyond the "
                     "edges of the tool: start on the tool"
                 )
 
@@ -369,7 +369,7 @@ def _joined(
     touch: ndarray,
     counts: Sequence[tuple[int, int] | None],
 ) -> Net:
-    """Net of four quadrants with given numbers of cells, or as far as it was laid."""
+    """Join four quadrants to a net with given, or else all, numbers of cells."""
     sizes = np.array([quadrant.status.shape for quadrant in quadrants]) - 1
     signs = np.array(QUADRANTS)
     reach = [

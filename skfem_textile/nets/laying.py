@@ -130,7 +130,7 @@ class _Diagonal:
         return self.values[0]
 
     def shifted(self, before: int, after: int) -> "_Diagonal":
-        """With empty places before and after."""
+        """Copy with an empty crossing before and after."""
         count = self.on.shape[1]
         wide = _Diagonal.empty(len(self.on), before + count + after)
         wide.values[..., before : before + count] = self.values
@@ -220,7 +220,7 @@ class _Front:
         return _Diagonal(values[..., None], on, none, status)
 
     def after(self, before: _Diagonal, last: _Diagonal) -> _Diagonal:
-        """The diagonal after two others, of which the first may be empty."""
+        """Diagonal computed from the two previous ones; the first may be empty."""
         d = last.on.shape[1]
         i = np.arange(d + 1)
         a, b = last.shifted(1, 0), last.shifted(0, 1)
@@ -254,7 +254,7 @@ class _Front:
         return new
 
     def _crossing(self, at: ndarray, a: _Diagonal, b: _Diagonal, c: _Diagonal) -> tuple:
-        """Guess, its correction, and rod ends for crossings of two threads."""
+        """Guesses, corrections and rod ends of crossings of two threads."""
         p, q, corner = a.x[:, at], b.x[:, at], c.x[:, at]
         off = 0.5 * (a.values[2][:, at] + b.values[2][:, at])
         of_seams = np.array([a.seams[at], b.seams[at]])
@@ -263,7 +263,7 @@ class _Front:
     def _straight(
         self, family: int, at: ndarray, a: _Diagonal, a_0: _Diagonal
     ) -> tuple:
-        """Guess, its correction, rod end, point and normal of a plane to follow.
+        """Guesses, corrections, rod ends and planes of threads that continue alone.
 
         A geodesic follows the plane of the last rod and the normal of the surface.
         There is a last rod, except at the start: a crossing on the tool has a neighbour
@@ -287,7 +287,7 @@ class _Front:
         return x + step, off, x, through, across, np.array([a.seams[at]] * 2)
 
     def _guided(self, family: int, row: ndarray, i: ndarray, count: int) -> ndarray:
-        """Places of the first threads that follow a curve."""
+        """Indices of the first threads that follow a curve."""
         at_first = i == (count - 1 if family == 0 else 0)
         has = np.array([self._guides[r][family] is not None for r in row], dtype=bool)
         return np.flatnonzero(at_first & has) if len(row) else np.zeros(0, dtype=int)
@@ -324,7 +324,7 @@ class _Front:
             new.on[row, i] = self._on_tool(x)
 
     def _owned(self, row: ndarray, i: ndarray, d: int) -> ndarray:
-        """Mask of crossings that are not copied from another quadrant."""
+        """Mask of crossings that are computed, not copied from another quadrant."""
         quadrant = row % 4
         copied = (i == d) & np.isin(quadrant, [to for _, to in _SHARED_WARP])
         copied |= (i == 0) & np.isin(quadrant, [to for _, to in _SHARED_WEFT])
@@ -340,9 +340,9 @@ class _Front:
 def crossing(
     surface: Surface, a: ndarray, b: ndarray, corner: ndarray, cell: float
 ) -> tuple[ndarray, ndarray]:
-    """Crossings opposite to corners of cells, shape (3, n), and their `Status`.
+    """Compute fourth corners of cells, shape (3, n), and their `Status`.
 
-    ``a`` and ``b`` are the crossings at the distance of one cell.
+    ``a`` and ``b`` are their neighbours, ``corner`` the opposite corners, shape (3, n).
     """
     guess, crosses = a + b - corner, np.ones(a.shape[1], dtype=bool)
     x, _, done = _pinned(surface, guess, a, b, np.zeros_like(a), crosses, cell)
@@ -372,7 +372,7 @@ def _pinned(
     crosses: ndarray,
     cell: float,
 ) -> tuple[ndarray, ndarray, ndarray]:
-    """Ends of rods on a surface from guesses, the gradients there, and which are right.
+    """Solve for rod ends on a surface; points, gradients there and converged mask.
 
     A rod begins at ``a``.  It ends at the end of a rod from ``b`` where ``crosses``,
     and otherwise in the plane through ``b`` with the normal ``across``.
@@ -415,7 +415,7 @@ def _judged(
     crosses: ndarray,
     cell: float,
 ) -> ndarray:
-    """`Status` of the ends of rods, of which some are done."""
+    """`Status` of rod ends; ``done`` is the mask of those that converged."""
     p, q = x - a, x - b
     sine = np.sqrt((cross(p, q) ** 2).sum(axis=0)) / cell**2
     corner = a + b - guess
@@ -428,7 +428,7 @@ def _judged(
 
 
 def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
-    """Quadrants of diagonals, up to the crossings behind the last that were laid."""
+    """Assemble diagonals to quadrants, each one row longer than its laid part."""
     rows, count = len(diagonals[0].on), len(diagonals)
     x = np.full((3, rows, count, count), np.nan)
     status = np.full((rows, count, count), Status.EDGE, dtype=np.int8)

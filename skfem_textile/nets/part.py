@@ -7,11 +7,12 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ..mesh.graph import boundary_edges
 from ..mesh.requirements import require
 from ..surfaces.holes import laplacian, parts_of
 from ..surfaces.tool_mesh import curve_length, loops_of_edges
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import boundary_edges, closest_on_triangles
+from ..surfaces.triangles import closest_on_triangles
 from .crossings import Net
 from .flat_pattern import FlatPattern, flat_pattern, spaced_curve
 from .sheet import Sheet
@@ -140,7 +141,7 @@ def _inside(
 ) -> ndarray:
     """Mask of places on the disk, (2, n), inside the first curve and not in others.
 
-    There must be one, and the end of a tube must not be inside.
+    Raises an error if there is none, or if the end of a tube is inside.
     """
     import shapely
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.graph import boundary_edges
 from ..surfaces.surface import OffSurfaceError, onto
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import boundary_edges, unit
+from ..surfaces.triangles import unit
 
 # Radius of a disc relative to the length of a seam, at least a cell, and the Gauss
 # curvature of a disc in radians above which it is concentrated there.  Chosen: the
@@ -153,9 +154,9 @@ def seam_from(
 ) -> Seam:
     """Seam from a tip to the edge of a tool.
 
-    It begins in a direction, by default of the shortest way to the edge, is a geodesic,
-    and is moved sideways to where the surface turns equally on both sides: along the
-    edge between two walls.
+    It is a geodesic in a given direction, by default along the shortest path to the
+    edge.  Its points are shifted sideways to where the normal turns equally on both
+    sides: onto the edge between two walls.
 
     Parameters
     ----------
@@ -247,7 +248,7 @@ def _in_plane(tool: TriangleMesh, x: ndarray, along: ndarray) -> ndarray:
 def _to_middle(
     tool: TriangleMesh, x: ndarray, along: ndarray, widths: tuple[float, float]
 ) -> ndarray:
-    """Shift in mm, (3,), to where the surface turns equally on both sides."""
+    """Shift in mm, (3,), to where the normal turns equally on both sides."""
     left = np.cross(unit(tool.gradient(x[:, None]))[:, 0], along)
     width, most = widths
     turns = _turns(tool, x, width * left)

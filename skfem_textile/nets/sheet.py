@@ -9,11 +9,11 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import kinematics as kin
+from ..mesh.graph import boundary_edges
 from ..ply import Ply
 from ..surfaces.triangles import (
     Elements,
     ElementTree,
-    boundary_edges,
     edge_lengths,
     unit,
 )

@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import Axes, OffSurfaceError, onto
 from ..surfaces.triangle_mesh import TriangleMesh
@@ -81,7 +82,7 @@ def best_start(
     trials: int = 288,
     seed: int = 1,
 ) -> BestStart:
-    """Find the start with the smallest largest, or mean, shear angle over a part.
+    """Find the start that minimises the largest, or mean, shear angle over a part.
 
     Places and directions are compared by differential evolution and improved by the
     method of Nelder and Mead.  Nets that fold on the part, or do not cover it, are
@@ -207,7 +208,7 @@ def shear_over(net: Net, points: ndarray) -> ndarray:
 
 
 def _slope(values: ndarray, axis: int) -> ndarray:
-    """Mean of the differences to the two neighbours, of those that are known."""
+    """Mean of the differences to both neighbours, without those that are NaN."""
     step = np.diff(values, axis=axis)
     pads = [[(0, 0)] * 2, [(0, 0)] * 2]
     pads[0][axis], pads[1][axis] = (1, 0), (0, 1)
@@ -230,7 +231,7 @@ def _thinned(points: ndarray, seed: int) -> ndarray:
 
 
 class _Tried(NamedTuple):
-    """Start, the measure of its net in radians, and points that it does not cover."""
+    """Start, objective of its net in radians, and points that it does not cover."""
 
     start: NetStart
     value: float
@@ -239,9 +240,10 @@ class _Tried(NamedTuple):
 
 
 class _Search:
-    """Measures of nets by the place of their start in a plane, and their direction.
+    """Objective of the search as a function of start point and direction.
 
-    The plane is normal to the mean normal of the tool.  The direction may be fixed.
+    Start points are given in a plane normal to the mean normal of the tool.  The
+    direction may be fixed.
     """
 
     def __init__(
@@ -279,24 +281,24 @@ class _Search:
         self._tried: list[_Tried] = []
 
     def __call__(self, x: ndarray) -> ndarray:
-        """Measures of starts: places and directions, shape (3, n) or (2, n)."""
+        """Objectives of n starts, given by points and directions, (3, n) or (2, n)."""
         found = self._measured(self._starts(x), self._cell)
         self._tried += [one._replace(net=None) for one in found]
         return np.array([one.value for one in found])
 
     def best(self, cell: float, others: Sequence[NetStart]) -> BestStart:
-        """The best of the starts with the least measures, and of others."""
+        """The best of the starts with the smallest objectives, and of others."""
         order = sorted(self._tried, key=lambda one: one.value)
         starts = [one.start for one in order[:_FINALISTS]]
         found = self._measured([*starts, *others], cell)
         best = min(found, key=lambda one: one.value)
         if best.net is None or best.missing.size:
-            place = ", ".join(f"{c:.4g}" for c in best.missing.mean(axis=1))
             share = best.missing.shape[1] / self._points.shape[1]
             raise ValueError(
                 "best start: no net covers the part without a fold; the best of "
                 f"{len(self._tried) + len(others)} misses {100 * share:.2g} % of it, "
-                f"around ({place}) mm: use a smaller part, or darts"
+                f"around {coords(best.missing.mean(axis=1), 4)} mm: use a smaller "
+                "part, or darts"
             )
         tried = [(np.asarray(s.point), np.asarray(s.first)) for s, *_ in self._tried]
         points, directions = np.array(tried).transpose(1, 2, 0)
@@ -305,7 +307,7 @@ class _Search:
         return BestStart(best.start, best.net, best.value, points, directions, measures)
 
     def _measured(self, starts: Sequence[NetStart], cell: float) -> "list[_Tried]":
-        """Nets of starts, side by side, and their measures."""
+        """Lay the nets of several starts at once, and evaluate their objectives."""
         found = []
         for k in range(0, len(starts), _SIDE_BY_SIDE):
             some = starts[k : k + _SIDE_BY_SIDE]
@@ -314,7 +316,7 @@ class _Search:
         return found
 
     def _starts(self, x: ndarray) -> list[NetStart]:
-        """Starts over places in the plane."""
+        """Starts on the tool above points of the plane."""
         points = self._over(x[:2])
         if self._fixed:
             first = np.array([Axes.at(self._tool, p).turn[:, 0] for p in points.T])
@@ -323,7 +325,7 @@ class _Search:
         return [NetStart(p, d) for p, d in zip(points.T, first, strict=True)]
 
     def _over(self, x: ndarray) -> ndarray:
-        """Points of the tool over places in the plane, shape (3, n)."""
+        """Points of the tool above points of the plane, shape (3, n)."""
         _, nearest = self._tree.query(x.T)
         vertex = self._vertices[:, nearest]
         gradient = self._tool.gradient(vertex)

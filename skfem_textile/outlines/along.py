@@ -61,10 +61,10 @@ class _Straightened:
 
 
 def along_edges(mesh: MeshTri, fabric: Fabric) -> Fabric:
-    """The fabric whose curved singular fibres run along the straight edges of a mesh.
+    """Straighten a fabric so that its singular fibres coincide with mesh edges.
 
     Triangles with an edge on a singular fibre are mapped from triangles with a curved
-    edge, and the directions of the fibres with them.  The edge is a fibre then.
+    edge, and the fibre directions are mapped with them, so that the edge is a fibre.
 
     Parameters
     ----------

@@ -13,8 +13,9 @@ from scipy.optimize import brentq
 from shapely.geometry.polygon import orient
 
 from ..fabric import Fabric, unit_vectors
+from ..mesh.user_input import coords
 from .outline import Outline
-from .rings import NEAR, place
+from .rings import NEAR
 
 #: Turn in radians from which a corner counts as one; a smaller one approximates a
 #: curve.  Chosen: a circle of 18 corners turns by 0.349.
@@ -105,7 +106,7 @@ class Field:
         except ValueError as error:
             for i in range(x.shape[1] if x.shape[1] > 1 else 0):
                 self.at(x[:, i : i + 1])  # find the place
-            raise ValueError(f"{error}; it is not at {place(x[:, 0])}") from None
+            raise ValueError(f"{error}; it is not at {coords(x[:, 0])}") from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +216,7 @@ class Cell:
     def _exit(
         self, q: ndarray, d: ndarray, length: float, near: float, least: float
     ) -> tuple[float, ndarray, int] | None:
-        """Where a ray from q, inside, leaves the cell: distance, point and edge.
+        """Exit of a ray from q, inside the cell: distance, point and edge.
 
         None if it does not within a length, from the distance ``least`` on.  Corners
         within the distance ``near`` of the ray are on it, and it passes those that it
@@ -291,14 +292,14 @@ class Cell:
                 points.append(q[:, i + 1])
             along = last
         raise ValueError(
-            f"{field.name}: the fibre from {place(p)} does not reach the outline; "
-            f"it was followed to {place(points[-1])}: are there sources nearby?"
+            f"{field.name}: the fibre from {coords(p)} does not reach the outline; "
+            f"it was followed to {coords(points[-1])}: are there sources nearby?"
         )
 
     def _chord_exit(
         self, q0: ndarray, q1: ndarray, near: float, least: float
     ) -> tuple[float, ndarray, int] | None:
-        """Where a chord leaves the cell, see `_exit`."""
+        """Exit of a chord from the cell, see `_exit`."""
         length = float(np.hypot(*(q1 - q0)))
         if length <= 1e-3 * near:
             return None
@@ -367,7 +368,7 @@ class Cell:
             at = x[:, passes] + share * (y - x)[:, passes]
             parallel = np.hstack([parallel, at])
         if parallel.size:
-            raise ValueError(f"warp and weft are parallel at {place(parallel[:, 0])}")
+            raise ValueError(f"warp and weft are parallel at {coords(parallel[:, 0])}")
         complete = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
         corners = grid[:, :-1, :-1][:, complete]
         for field in self.fields:
@@ -383,7 +384,7 @@ class Cell:
             step /= 2
             shifts = step * np.array([[0, 1, 0, 1], [0, 0, 1, 1]])
             corner = (corner[:, :, None] + shifts[:, None]).reshape(2, -1)
-        where = place(corner[:, _turns_around(field, corner, step)][:, 0] + step / 2)
+        where = coords(corner[:, _turns_around(field, corner, step)][:, 0] + step / 2)
         raise ValueError(
             f"{field.name} has a source or a centre near {where}; cut a hole there"
         )
@@ -409,7 +410,7 @@ def _turns_around(field: Field, corner: ndarray, step: float) -> ndarray:
 
 
 def _neighbours(a: ndarray, axis: int) -> tuple[ndarray, ndarray]:
-    """Values at the points of a grid, and at the next ones along an axis."""
+    """Values at grid points and at their successors along an axis."""
     n = a.shape[axis]
     return np.take(a, range(n - 1), axis), np.take(a, range(1, n), axis)
 

@@ -16,6 +16,7 @@ from numpy import ndarray
 
 from ..fabric import Fabric, TensionOnly, TwoLaws
 from ..fabric.law import domain_of, mean_slope
+from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
 from .cells import (
     CORNER,
@@ -25,8 +26,8 @@ from .cells import (
     lines_between,
 )
 from .outline import Outline
-from .rings import NEAR, place
-from .seeds import Seed, boundary_of, seeds_of_corners
+from .rings import NEAR
+from .seeds import Seed, seeds_of_conditions, seeds_of_corners
 
 #: Maximum number of lines.
 MOST_LINES = 100_000
@@ -178,7 +179,7 @@ def singular_fibres(
     if finest is not None and not (np.isfinite(finest) and finest > 0):
         raise ValueError(f"finest must be a positive number of mm, got {finest}")
     cells = cells_of(outline, fabric, fabrics or {})
-    boundary = boundary_of(outline, conditions, loads)
+    supports = seeds_of_conditions(outline, conditions, loads)
     length = float(np.sqrt(outline.shape().area))
     everywhere = [fabric, *(fabrics or {}).values()]
     width = max(
@@ -186,15 +187,15 @@ def singular_fibres(
         length * max(_layer(one) for one in everywhere),
     )
     borders = lines_between(outline, cells)
-    seeds = boundary.seeds + seeds_of_corners(outline, cells, borders)
-    pieces = list(np.stack([boundary.start.T, boundary.end.T], axis=2))
-    tracing = _Tracing(cells, pieces, boundary.names, borders, width, outline.size)
+    seeds = supports.seeds + seeds_of_corners(outline, cells, borders)
+    pieces = list(np.stack([supports.start.T, supports.end.T], axis=2))
+    tracing = _Tracing(cells, pieces, supports.names, borders, width, outline.size)
     tracing.strong(seeds)
     fibres, free_ends = tracing.found, tracing.free_ends
     tracing.found = []
     weak = _free_corners(outline, tracing) + free_ends
     tracing.weak(weak)
-    notes = boundary.notes + [n for one in everywhere for n in _moving(one)]
+    notes = supports.notes + [n for one in everywhere for n in _moving(one)]
     return SingularFibres(
         fibres,
         tracing.found,
@@ -203,7 +204,7 @@ def singular_fibres(
         tracing.dropped,
         width,
         list(dict.fromkeys(notes)),
-        boundary.others,
+        supports.others,
     )
 
 
@@ -293,7 +294,7 @@ class _Tracing:
         if len(self.found) > MOST_LINES:
             raise ValueError(
                 f"there are more than {MOST_LINES} singular fibres, the last one from "
-                f"{place(fibre.points[:, 0])}: reflections closer than "
+                f"{coords(fibre.points[:, 0])}: reflections closer than "
                 f"{self._width:.3g} mm are left out; a larger size, or a larger "
                 "`finest` of singular_fibres, leaves out more"
             )
@@ -356,7 +357,7 @@ def _free_corners(outline: Outline, tracing: _Tracing) -> list[Seed]:
                 tracing.held_at(x - before[:, i] / 2)
                 or tracing.held_at(x + after[:, i] / 2)
             ):
-                seeds.append(Seed(x, f"free corner {place(x)}"))
+                seeds.append(Seed(x, f"free corner {coords(x)}"))
     return seeds
 
 

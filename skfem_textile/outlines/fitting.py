@@ -15,6 +15,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 
 from ..fabric import Fabric
 from ..mesh.checks import check_mesh
+from ..mesh.graph import boundary_edges, edges_of
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import (
     SINGULAR,
@@ -22,11 +23,11 @@ from ..mesh.selection import (
     named_nodes,
     with_named_nodes,
 )
-from ..mesh.splitting import boundary_edges, corner_areas, edges_of
+from ..mesh.splitting import corner_areas
+from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
 from .fibres import singular_fibres
 from .outline import Outline
-from .rings import place
 
 log = logging.getLogger(__name__)
 
@@ -259,13 +260,13 @@ class _Fit:
         self.parent = np.tile(self.parent, 2)
 
     def cut(self, i: int) -> None:
-        """Cut the triangles that a fibre crosses, which may cross an edge twice."""
+        """Cut triangles along a fibre, repeatedly, as it may cross an edge twice."""
         while (crossings := self._crossings(i))[0].size:
             self._cut_edges(i, *crossings)
 
     def _cut_edges(self, i: int, edges: ndarray, at: ndarray) -> None:
         n, k = self.p.shape[1], at.shape[1]
-        on_outline = edge_numbers(boundary_edges([self.t]), edges) >= 0
+        on_outline = edge_numbers(np.sort(boundary_edges([self.t]), axis=0), edges) >= 0
         along = np.all(self._on[:, edges], axis=1)  # edges on other fibres
         at = self._at_both(i, edges, at, along)
         self.p = np.hstack([self.p, at])
@@ -290,7 +291,7 @@ class _Fit:
         self._cut_triangles(middle)
 
     def _at_both(self, i: int, edges: ndarray, at: ndarray, along: ndarray) -> ndarray:
-        """Points where a fibre crosses edges; on chords of another, the fibres' own."""
+        """Move crossings on edges along other fibres to the intersection of both."""
         length = np.hypot(*(self.p[:, edges[0]] - self.p[:, edges[1]]))
         for j, k in np.argwhere(along):
             both, x = self._fibres[i] & self._fibres[j], shapely.Point(at[:, k])
@@ -326,7 +327,7 @@ class _Fit:
         self.t, self.parent = np.hstack(new), np.concatenate(old)
 
     def collapse(self) -> None:
-        """Collapse short edges that the cuts left."""
+        """Collapse short edges after the cuts."""
         turned = self._signed() < 0
         self.t[1:, turned] = self.t[:0:-1, turned]
         nodes = Nodes(self.p, self._kind, self._line, self._on)
@@ -373,7 +374,7 @@ class _Fit:
                 "singular fibres, the outline or named nodes are close; use smaller "
                 "elements there, or mesh_outline",
                 angles[least],
-                place(self.p[:, self.t[:, least]].mean(axis=1)),
+                coords(self.p[:, self.t[:, least]].mean(axis=1)),
             )
 
     def _edges_along(self, i: int, fitted: Mesh) -> ndarray:
@@ -389,7 +390,7 @@ class _Fit:
         if missed > _MISSED * fibre.length:
             rest = fibre - shapely.buffer(shapely.union_all(edges), 10 * self._near)
             part = max(shapely.get_parts(rest), key=shapely.length, default=fibre)
-            where = place(np.array(part.coords[0]))
+            where = coords(np.array(part.coords[0]))
             log.warning(
                 "%.3g mm of a singular fibre of %.3g mm have no edges, near %s; "
                 "use smaller elements there, or mesh_outline",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.integrate import cumulative_trapezoid
 
-from ..mesh.pattern import components
+from ..mesh.graph import components
 from .rings import NEAR
 
 log = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ def graded(
     growth: float,
     density: float = 1.0,
 ) -> ndarray:
-    """Lines through given ones, graded towards the strong of them.
+    """Add lines between given ones, graded towards the strong ones.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ class _Sides:
         return np.split(most[label], [len(counts[0])])
 
     def _meet(self, axis: int, lines: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        """Where lines meet the sides: the sides, the lines, the other coordinates."""
+        """Intersections of lines with sides: sides, lines and other coordinates."""
         crossed = np.flatnonzero(self._oblique[axis])
         start, along = self._start[:, crossed, None], self._along[:, crossed, None]
         share = (lines - start[axis]) / along[axis]

@@ -15,12 +15,13 @@ from skfem import Mesh, MeshQuad, MeshTri
 from ..fabric import Fabric
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import SINGULAR, edge_numbers, with_named_nodes
+from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
 from .fibres import SingularFibre, SingularFibres, singular_fibres
 from .lines import Lines, even, graded
 from .net import cut_cells, net
 from .outline import REST, Outline
-from .rings import NEAR, place
+from .rings import NEAR
 from .triangles import triangles
 
 log = logging.getLogger(__name__)
@@ -332,7 +333,7 @@ def _named(mesh: Mesh, outline: Outline, fibres: list[SingularFibre]) -> Mesh:
         nodes[name] = np.array([distance.argmin()])
         if distance.min() > _ROUND_OFF * outline.size:
             raise ValueError(
-                f"point {name!r} at {place(x)} is too close to another point, a "
+                f"point {name!r} at {coords(x)} is too close to another point, a "
                 "singular fibre or the outline: choose a smaller size"
             )
     return with_named_nodes(mesh, nodes)

@@ -167,7 +167,7 @@ def _triangles(
 
 
 def _joined(points: ndarray, near: float) -> tuple[ndarray, ndarray]:
-    """Numbers of points, and distinct points."""
+    """Merge equal points: index of each point, and the distinct points."""
     _, first, number = np.unique(
         np.round(points / near), axis=0, return_index=True, return_inverse=True
     )

@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from ..mesh.selection import named_nodes
-from ..mesh.user_input import printable, real_numbers
+from ..mesh.user_input import coords, printable, real_numbers
 from .rings import (
     NEAR,
     Ring,
     Segment,
-    place,
     rings_of_curves,
     rings_of_segments,
     valid_ring,
@@ -124,7 +123,7 @@ class Outline:
             if both.area > NEAR * self.size**2:
                 raise ValueError(
                     f"the regions {a!r} and {b!r} overlap near "
-                    f"{place(both.representative_point())}"
+                    f"{coords(both.representative_point())}"
                 )
 
     def shape(self) -> shapely.Polygon:
@@ -146,12 +145,12 @@ class Outline:
                 where = shapely.shortest_line(rings[0], ring)
                 raise ValueError(
                     f"{what[i]} touches or crosses the outer polygon at "
-                    f"{place(shapely.get_point(where, 0))}"
+                    f"{coords(shapely.get_point(where, 0))}"
                 )
             if not outer.contains(ring):
                 raise ValueError(
                     f"{what[i]} lies outside the outer polygon, near "
-                    f"{place(shapely.get_point(ring, 0))}"
+                    f"{coords(shapely.get_point(ring, 0))}"
                 )
         inner = np.array(rings[1:], dtype=object)
         tree = shapely.STRtree(inner)
@@ -162,7 +161,7 @@ class Outline:
                 where = shapely.shortest_line(rings[i + 1], rings[j + 1])
                 raise ValueError(
                     f"{what[i + 1]} and {what[j + 1]} touch or overlap at "
-                    f"{place(shapely.get_point(where, 0))}; give them as one hole"
+                    f"{coords(shapely.get_point(where, 0))}; give them as one hole"
                 )
 
     def _named(
@@ -215,7 +214,7 @@ class Outline:
         if x.shape != (2,) or not np.isfinite(x).all():
             raise ValueError(f"point {name!r} must be a finite pair (x, y) in mm")
         if self._shape.distance(shapely.Point(x)) > NEAR * self.size:
-            raise ValueError(f"point {name!r} at {place(x)} lies outside the outline")
+            raise ValueError(f"point {name!r} at {coords(x)} lies outside the outline")
         return x
 
     def _region(self, name: str, corners: ArrayLike) -> ndarray:
@@ -227,7 +226,7 @@ class Outline:
         ring = valid_ring(f"region {name!r}", corners)
         if (self._shape & shapely.Polygon(ring.T)).area <= NEAR * self.size**2:
             raise ValueError(
-                f"region {name!r} at {place(ring[:, 0])} lies outside the outline"
+                f"region {name!r} at {coords(ring[:, 0])} lies outside the outline"
             )
         return ring if signed_area(ring) > 0 else np.ascontiguousarray(ring[:, ::-1])
 

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -13,8 +13,8 @@ from scipy.spatial import KDTree
 from shapely.validation import explain_validity
 
 from ..mesh.checks import refuse_metres
-from ..mesh.pattern import components
-from ..mesh.user_input import real_numbers
+from ..mesh.graph import components
+from ..mesh.user_input import coords, real_numbers
 from .drawings.curves import LISTED, Curve
 
 log = logging.getLogger(__name__)
@@ -110,7 +110,7 @@ def _is_closed(points: ndarray) -> bool:
 
 
 def _corners(points: ndarray) -> ndarray:
-    """Corners of a closed curve: none coincides with the next, or meets the first."""
+    """Corners of a closed curve without coincident neighbours."""
     size = float(np.hypot(*np.ptp(points, axis=1)))
     gaps = np.hypot(*(np.roll(points, -1, axis=1) - points))
     corners = points[:, gaps > NEAR * size]
@@ -121,7 +121,7 @@ def _corners(points: ndarray) -> ndarray:
 def _unrepeated(
     curves: Sequence[Curve], numbers: list[int], rings: dict[int, Ring], near: float
 ) -> list[int]:
-    """Numbers of open curves that do not run along a ring."""
+    """Indices of open curves, without those along a ring."""
     if not numbers:
         return []
     tree = shapely.STRtree([shapely.LinearRing(r.points.T) for r in rings.values()])
@@ -135,7 +135,7 @@ def _unrepeated(
 
 
 def _repeats(curve: Curve, ring: Ring, near: float) -> bool:
-    """True if a curve runs along edges of a ring, which take its name."""
+    """True if a curve coincides with edges of a ring, which then take its name."""
     line = shapely.LineString(curve.points.T)
     if not shapely.LinearRing(ring.points.T).buffer(near).covers(line):
         return False
@@ -207,7 +207,7 @@ def _traced(
         if len(incident) != 2:
             of = f" of {where[segments[incident[0]].curve]}" if where else ""
             raise ValueError(
-                f"{what}: {len(incident)} line(s) end at {place(p[:, node])}{of}; an "
+                f"{what}: {len(incident)} line(s) end at {coords(p[:, node])}{of}; an "
                 "outline has two at each corner: close it, or select layers"
             )
     rings: list[tuple[list[int], list[int]]] = []
@@ -277,7 +277,7 @@ def _nested(rings: list[Ring], what: str) -> list[Ring]:
             where = shapely.get_point(shapely.shortest_line(lines[i], lines[j]), 0)
             raise ValueError(
                 f"{what}: {_about(rings[i])} and {_about(rings[j])} touch or cross at "
-                f"{place(where)}"
+                f"{coords(where)}"
             )
     inside = tree.query(polygons, "contains_properly")[1]
     depth = np.bincount(inside, minlength=len(rings))
@@ -314,12 +314,6 @@ def _listed(rings: Sequence[Ring]) -> str:
     return ", ".join(_about(ring) for ring in rings[:LISTED]) + more
 
 
-def place(point: Any) -> str:
-    """Position as text, of a point of shapely or an array of shape (2,)."""
-    x, y = point.coords[0] if hasattr(point, "coords") else point
-    return f"({x + 0.0:.6g}, {y + 0.0:.6g})"
-
-
 def refuse_not_finite(what: str, p: ndarray) -> None:
     """Refuse corners, shape (2, n), that are not finite or cannot be squared."""
     bad = ~(np.abs(p) < 1e100).all(axis=0)  # their squares do not overflow
@@ -339,15 +333,15 @@ def valid_ring(what: str, corners: ArrayLike) -> ndarray:
     short = np.hypot(*(np.roll(ring, -1, axis=1) - ring)) <= NEAR * size
     if short.any():
         raise ValueError(
-            f"{what} has coincident corners at {place(ring[:, short.argmax()])}"
+            f"{what} has coincident corners at {coords(ring[:, short.argmax()])}"
         )
     if ring.shape[1] < 3 or _width(ring) <= NEAR * size:
-        raise ValueError(f"{what} has no area, at {place(ring[:, 0])}")
+        raise ValueError(f"{what} has no area, at {coords(ring[:, 0])}")
     polygon = shapely.Polygon(ring.T)
     if not polygon.is_valid:
         where = explain_validity(polygon).partition("[")[2].rstrip("]").split()
         raise ValueError(
-            f"{what} crosses or touches itself at {place(np.array(where, float))}"
+            f"{what} crosses or touches itself at {coords(np.array(where, float))}"
         )
     return ring
 

@@ -9,7 +9,7 @@ import shapely
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from ..mesh.user_input import call_user_function
+from ..mesh.user_input import call_user_function, coords
 from ..ply.loads import (
     BodyForce,
     Force,
@@ -20,7 +20,7 @@ from ..solve.conditions import Condition, Conditions
 from ..solve.on_surface import OnSurface
 from .cells import CORNER, Cell
 from .outline import Outline
-from .rings import NEAR, place
+from .rings import NEAR
 
 # Intervals of each edge between whose ends functions of position are evaluated.
 _INTERVALS = 256
@@ -191,7 +191,7 @@ def _where(what: str, where: Callable[[ndarray], ndarray], outline: Outline) -> 
     near = NEAR * outline.size
     for x in corners:
         if not _coincident(x[:, None], np.hstack([part.start, part.end]), near).any():
-            part.points[f"corner {place(x)}"] = x
+            part.points[f"corner {coords(x)}"] = x
     for name, x in outline.points.items():
         if holds(x[:, None])[0]:
             part.points[name] = x
@@ -205,8 +205,8 @@ def _where(what: str, where: Callable[[ndarray], ndarray], outline: Outline) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class Boundary:
-    """Held edges and seeds of conditions and loads.
+class ConditionSeeds:
+    """Supported edges, and seeds of conditions and loads.
 
     Attributes
     ----------
@@ -230,10 +230,10 @@ class Boundary:
     others: list[str]
 
 
-def boundary_of(
+def seeds_of_conditions(
     outline: Outline, conditions: Conditions | None, loads: Iterable[Any]
-) -> Boundary:
-    """Held edges, and seeds of conditions and loads.
+) -> ConditionSeeds:
+    """Supported edges, and seeds of conditions and loads.
 
     Raises
     ------
@@ -291,7 +291,7 @@ def boundary_of(
     none = [np.empty((2, 0))]
     start = np.hstack(none + [part.start for part in parts])
     end = np.hstack(none + [part.end for part in parts])
-    return Boundary(start, end, names, seeds, notes, others)
+    return ConditionSeeds(start, end, names, seeds, notes, others)
 
 
 def _of_part(part: Part, label: str, near: float) -> list[Seed]:
@@ -402,15 +402,15 @@ def seeds_of_corners(
         for i, x in enumerate(cell.start.T):
             turn = cell.turn[i]
             if on_border[i] and on_outline[i]:
-                seeds.append(Seed(x, f"end of a border at {place(x)}"))
+                seeds.append(Seed(x, f"end of a border at {coords(x)}"))
             elif on_border[i] and abs(turn) >= CORNER:
-                seeds.append(Seed(x, f"corner of a border at {place(x)}"))
+                seeds.append(Seed(x, f"corner of a border at {coords(x)}"))
             elif turn <= -CORNER:
-                seeds.append(Seed(x, f"re-entrant corner {place(x)}"))
+                seeds.append(Seed(x, f"re-entrant corner {coords(x)}"))
             elif families := tuple(f for f in range(2) if touches[f][i]):
                 what = "a border" if on_border[i] else _ring_at(outline, corners[i])
                 families = (0, 1) if on_border[i] else families
-                seeds.append(Seed(x, f"grazing {what} at {place(x)}", families))
+                seeds.append(Seed(x, f"grazing {what} at {coords(x)}", families))
     return seeds
 
 

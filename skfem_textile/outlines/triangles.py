@@ -16,8 +16,8 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 from scipy.spatial import Delaunay, KDTree
 
+from ..mesh.user_input import coords
 from .cells import CORNER
-from .rings import place
 
 # Distance relative to the extent below which points coincide.  Chosen: far above the
 # error of curved fibres on the outline (1e-9).
@@ -155,8 +155,8 @@ def _refuse_narrow_gaps(shape: shapely.Polygon, size: float) -> None:
         if i < j:
             gap = shapely.shortest_line(rings[i], rings[j])
             raise ValueError(
-                f"the gap of {gap.length:.3g} mm at {place(shapely.get_point(gap, 0))} "
-                f"is too narrow for triangles of {size:.3g} mm: choose a size below "
+                f"the gap of {gap.length:.3g} mm at {coords(shapely.get_point(gap, 0))}"
+                f" is too narrow for triangles of {size:.3g} mm: choose a size below "
                 f"{gap.length / _NARROWEST:.3g} mm, or widen or close the gap"
             )
 
@@ -193,7 +193,7 @@ def _corners(shape: shapely.Polygon, side: float) -> ndarray:
 def _without_doubles(
     shape: shapely.Polygon, lines: Sequence[ndarray], size: float
 ) -> tuple[list[shapely.LineString], list[int]]:
-    """Parts of lines that do not run beside earlier ones, and the line of each."""
+    """Lines without stretches nearly parallel to earlier lines; and their indices."""
     left = [shapely.linestrings(line.T) for line in lines]
     tree = shapely.STRtree(left)
     for share in _BESIDE_OUTLINE:
@@ -215,7 +215,7 @@ def _without_doubles(
 
 
 def _without(line: Any, beside: shapely.Geometry, length: float, size: float) -> Any:
-    """A line without its parts within a polygon that are longer than a length."""
+    """Cut out stretches longer than ``length`` inside ``beside``."""
     parts = shapely.get_parts(shapely.intersection(line, beside))
     long = parts[shapely.length(parts) > length]
     if not long.size:
@@ -316,7 +316,7 @@ def _joined(
 def _collapsed(
     x: ndarray, chains: list[_Chain], rank: ndarray, size: float
 ) -> list[_Chain]:
-    """Chains without short ones, unless lines would cross then."""
+    """Collapse short chains, unless lines would then cross."""
     root = np.arange(len(x))
     short = [c for c in chains if c.length < _COLLAPSED * size]
     for chain in sorted(short, key=lambda c: c.length):
@@ -384,7 +384,7 @@ def _divided(
         if not crossing.size:
             break
         if spacing[crossing].min() < _FINEST * size:
-            where = place(chains[crossing[0]].x[0])
+            where = coords(chains[crossing[0]].x[0])
             raise ValueError(f"lines are too close to each other near {where}")
         spacing[crossing] /= 2
     line = np.array([chain.line for chain in chains])[c]
@@ -671,7 +671,7 @@ class _Refinement:
         sides = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
         missing = ~np.isin(self._keys(self._s), self._keys(sides))
         if missing.any():
-            where = place(self._p[self._s[missing.argmax()]].mean(axis=0))
+            where = coords(self._p[self._s[missing.argmax()]].mean(axis=0))
             raise ValueError(f"lines are too close to each other near {where}")
 
 

@@ -13,8 +13,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix, identity
 from scipy.sparse.linalg import spsolve
 
-from ..mesh.pattern import components
-from ..mesh.splitting import edges_of
+from ..mesh.graph import components, edges_of
 from ..surfaces.tool_mesh import cut_in_two
 
 # Weight of A·∇ψ = 0.  Chosen: lines deviate by less than their width from the fibres.

@@ -11,8 +11,8 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 from skfem import Mesh
 
+from ..mesh.graph import boundary_edges, edges_of
 from ..mesh.overlap import signed_areas
-from ..mesh.splitting import boundary_edges, edges_of
 from .fibre_lines import Fibres
 
 # Minimum extent of a scale in its unit. Chosen: above the round-off of zero.

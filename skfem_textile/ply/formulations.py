@@ -540,7 +540,7 @@ class Quadratic(declared.Quadratic, Pointwise):
 
 
 def _height_of_layer(mesh: Mesh) -> float:
-    """Median of height over length of the triangles on singular fibres, at most 1.
+    """Median aspect (height over length) of triangles on singular fibres, at most 1.
 
     The length is the length of the edge on the fibre; 0 if there is no such triangle.
     """

@@ -254,12 +254,12 @@ def further_shear_stiffness(law: Law, angle: ndarray) -> ndarray:
 
 
 def _without_shear(G: ndarray, E: ndarray) -> ndarray:
-    """Weight: 1 at zero shear stiffness, else 0, with a smooth transition."""
+    """Weight that falls smoothly from 1 at zero shear stiffness to 0."""
     return np.exp(-G / np.where(E > 0, _NO_SHEAR * E, 1.0))
 
 
 class ElementState(NamedTuple):
-    """State of elements, from which a held stiffness is computed.
+    """Element state from which a `HeldStiffness` is computed.
 
     Attributes
     ----------

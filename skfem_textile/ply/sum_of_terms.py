@@ -534,6 +534,6 @@ class SumOfTerms(FabricOnBasis):
 
 
 def _changed(before: PlyParameters, after: dict[str, Values]) -> PlyParameters:
-    """The new parameters, or the previous object if they are equal."""
+    """New parameters; the previous object if all values are equal."""
     same = all(values.same_as(before[name]) for name, values in after.items())
     return before if same else Frozen(after)

@@ -13,13 +13,13 @@ from skfem import Mesh
 
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
+from ..mesh.graph import boundary_edges, components
 from ..mesh.overlap import signed_areas
-from ..mesh.pattern import components
+from ..mesh.user_input import coords
 from ..nets.crossings import Net
 from ..surfaces.surface import Axes, OffSurfaceError, onto
 from ..surfaces.tool_mesh import ToolMesh
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import boundary_edges
 from .draped_ply import draped_ply, warn_of_net
 from .scene import Scene, with_parameters
 
@@ -91,7 +91,7 @@ def contact_point(tool: TriangleMesh, point: Sequence[float] | None = None) -> n
         foot = _on_tool(tool, np.asarray(point, dtype=float))
     if tool.beyond_edges(foot[:, None])[0] > 0:
         raise ValueError(
-            f"drape: the contact point of the ply, ({_xyz(foot)}) mm, is outside all "
+            f"drape: the contact point of the ply, {coords(foot)} mm, is outside all "
             "triangles of the tool: specify another point"
         )
     return foot
@@ -131,7 +131,7 @@ def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
         foot = np.full(3, np.inf)
     if not np.linalg.norm(foot - point) <= near:
         raise ValueError(
-            f"drape: the contact point ({_xyz(point)}) mm is further from the tool "
+            f"drape: the contact point {coords(point)} mm is further from the tool "
             f"than {near:.3g} mm, the longest edge of its triangles: specify a point "
             "on the tool"
         )
@@ -164,7 +164,7 @@ def _highest(tool: TriangleMesh) -> ndarray:
     if inside and away <= 2 * near and np.hypot(*g[:2]) <= _LEVEL * abs(g[2]):
         return position
     raise ValueError(
-        f"drape: the highest point of the tool, ({_xyz(start)}) mm, is at its edge or "
+        f"drape: the highest point of the tool, {coords(start)} mm, is at its edge or "
         "on a slope: specify the contact point of the ply"
     )
 
@@ -197,7 +197,3 @@ def _middle_of_top(tool: TriangleMesh) -> tuple[ndarray, bool]:
             if away <= _LEVEL * np.ptp(x) and not tool.beyond_edges(foot)[0]:
                 return foot[:, 0], True
     return x[:, vertex], vertex not in boundary_edges(facets.cells)
-
-
-def _xyz(point: ndarray) -> str:
-    return ", ".join(f"{x:.6g}" for x in point)

@@ -27,6 +27,7 @@ from skfem import Mesh
 from ..declarations.scenes import PlyOptions
 from ..fabric import Fabric
 from ..mesh.checks import MeshError
+from ..mesh.user_input import coords
 from ..nets.crossings import Net, NetError
 from ..ply import Ply
 from ..ply.terms import Load
@@ -98,8 +99,8 @@ def warn_of_net(lay: Callable[[], Net], X: ndarray, axes: Axes) -> None:
     if net.folds.size:
         log.warning(
             "drape: inextensible fibres cannot lie on this tool, because their net "
-            "folds at (%s) mm. %s",
-            _xyz(axes, net.folds[:, 0]),
+            "folds at %s mm. %s",
+            coords(axes.of_tool(net.folds[:, :1])[:, 0], 4),
             _ADVICE,
         )
         return
@@ -117,16 +118,12 @@ def warn_of_net(lay: Callable[[], Net], X: ndarray, axes: Axes) -> None:
         i, j = np.unravel_index(shear.argmax(), shear.shape)
         centre = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
         log.warning(
-            "drape: inextensible fibres shear by %.0f degrees at (%s) mm, because the "
+            "drape: inextensible fibres shear by %.0f degrees at %s mm, because the "
             "curvature of this tool is concentrated at a corner. %s",
             shear.max(),
-            _xyz(axes, centre),
+            coords(axes.of_tool(centre[:, None])[:, 0], 4),
             _ADVICE,
         )
-
-
-def _xyz(axes: Axes, point: ndarray) -> str:
-    return ", ".join(f"{x:.4g}" for x in axes.of_tool(point[:, None])[:, 0])
 
 
 # Tolerance of lengths relative to the ply.

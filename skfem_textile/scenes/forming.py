@@ -136,7 +136,7 @@ def formed_ply(
     )
 
 
-def _pressed(
+def _press_tools(
     name: str,
     punch: Surface,
     die: Surface,
@@ -246,7 +246,7 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     punch = Punch(radius, (0.0, 0.0, -radius - middle))
     hole = radius + positive_length(f"{name}: clearance", given.clearance)
     die = Die(hole, given.fillet, (0.0, 0.0, middle))
-    tools = _pressed(name, punch, die, _upwards(name, given.travel), gap)
+    tools = _press_tools(name, punch, die, _upwards(name, given.travel), gap)
     return formed_ply(name, tools, given.mesh, **given.ply())
 
 
@@ -285,7 +285,9 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
     punch = _raised(dome(height, length, width), -middle)
     clearance = positive_length(f"{name}: clearance", given.clearance)
     cavity = dome(height, length + clearance, width + clearance)
-    tools = _pressed(name, punch, _raised(cavity, height + middle), travel, given.gap)
+    tools = _press_tools(
+        name, punch, _raised(cavity, height + middle), travel, given.gap
+    )
     return formed_ply(name, tools, given.mesh, **given.ply())
 
 
@@ -343,7 +345,7 @@ def forming(given: declared.Forming) -> Scene:
     punch, die = punch.moved(*axes), die.moved(*axes)
     outline = None if pressure is None else _flange(die, up, flange)
     sides = _side(punch, up), _side(die, -up)
-    tools = _pressed("forming", punch, die, travel, gap, pressure, outline, sides)
+    tools = _press_tools("forming", punch, die, travel, gap, pressure, outline, sides)
     scene = formed_ply("forming", tools, given.mesh, axes, **given.ply())
     for name, tool in ("punch", punch), ("die", die):
         refuse_extent(f"forming: the {name}", tool, scene.mesh)

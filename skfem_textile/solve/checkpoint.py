@@ -184,7 +184,7 @@ class Checkpoint:
             with self._content_errors(file):
                 states.append(_state(content, states, self._ply))
         for i, file in enumerate(files):
-            trial, values = replay.trial(states[i])  # which calls user functions
+            trial, values = replay.repeated(states[i])  # which calls user functions
             with self._content_errors(file):
                 states[i] = replay.compared(states[i], trial, values)
         with self._content_errors(files[-1]):
@@ -330,21 +330,21 @@ class Replay:
     def __init__(self, problem: Problem, guessed: bool = False) -> None:
         self._problem, self._guessed = problem, guessed
 
-    def trial(self, state: State) -> tuple[Trial, ndarray]:
-        """Trial of the displacement of a state, and its fixed values."""
+    def repeated(self, state: State) -> tuple[Trial, ndarray]:
+        """Evaluate a stored state again; its trial and the fixed values."""
         t, u, p = state.load_factor, state.u, state.parameters
         problem = self._problem.at(t)
         before = None
         if t > 0 and not (
             self._guessed and t == 1 and not self.last.problem.load_factor
         ):
-            before = self.last.next_guess()
+            before = self.last.next_start()
         equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
         trial = Trial.of(problem, equilibrium, before)
         return trial, problem.constraints.fixed_values(t)
 
     def compared(self, state: State, trial: Trial, fixed_values: ndarray) -> State:
-        """Compare a state with its trial, and add what is not stored.
+        """Compare a state with its trial; returns it with the values not stored.
 
         Raises an error if they disagree.  Counters and residuals are not compared,
         because they depend on the iterations.

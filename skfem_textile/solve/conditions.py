@@ -243,17 +243,17 @@ class Constraints:
         self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
 
     def _resolve(self, basis: CellBasis, direction: ndarray) -> None:
-        """Choose the fixed unknowns and the map from row values to their values.
+        """Choose the prescribed unknowns, and factorise the rows of the conditions.
 
         ``_rows @ q[prescribed]`` are the displacements along the directions.
         """
         d, dofs = self._d, node_dofs(basis)[:, : self._X.shape[1]]
-        held, count = _held_directions(self._node, direction, self._X.shape[1])
-        projector = np.einsum("jin,jkn->ikn", held, held)
+        directions, count = _fixed_directions(self._node, direction, self._X.shape[1])
+        projector = np.einsum("jin,jkn->ikn", directions, directions)
         crossed = projector * (1 - np.eye(d))[:, :, None]
         along_axes = (crossed == 0).all(axis=(0, 1)) | (count == d)
         inclined = np.flatnonzero(~along_axes)
-        self.turn = _turns(basis.N, dofs[:, inclined], held[..., inclined])
+        self.turn = _turns(basis.N, dofs[:, inclined], directions[..., inclined])
 
         axes = np.einsum("iin->in", projector) > 0.5
         first = np.arange(d)[:, None] < count
@@ -297,7 +297,7 @@ class Constraints:
 
 
 class _LU:
-    """LU factors of a matrix, which are pickled as the matrix."""
+    """LU factors of a matrix; pickling stores the matrix only."""
 
     def __init__(self, matrix: csc_matrix) -> None:
         self._matrix, self._factors = matrix, splu(matrix)
@@ -309,7 +309,7 @@ class _LU:
         return _LU, (self._matrix,)
 
 
-def _held_directions(
+def _fixed_directions(
     node: ndarray, direction: ndarray, n_nodes: int
 ) -> tuple[ndarray, ndarray]:
     """Orthonormal fixed directions at each node, and their number.
@@ -317,7 +317,7 @@ def _held_directions(
     Shapes (d, d, n_nodes), padded with zeros, and (n_nodes,).
     """
     d = len(direction)
-    held, count = np.zeros((d, d, n_nodes)), np.zeros(n_nodes, dtype=int)
+    directions, count = np.zeros((d, d, n_nodes)), np.zeros(n_nodes, dtype=int)
     # The number of each row among the rows of its node.
     order = np.argsort(node, kind="stable")
     _, start, counts = np.unique(node[order], return_index=True, return_counts=True)
@@ -326,23 +326,23 @@ def _held_directions(
     for i in range(counts.max(initial=0)):
         rows = number == i
         at, n = node[rows], direction[:, rows]
-        known = held[..., at]
+        known = directions[..., at]
         share = np.einsum("jin,in->jn", known, n)
         remainder = n - np.einsum("jin,jn->in", known, share)
         length = np.linalg.norm(remainder, axis=0)
         new = length >= PARALLEL_ANGLE
         unit = np.where(count[at] > 0, remainder / np.where(new, length, 1.0), n)
-        held[count[at[new]], :, at[new]] = unit[:, new].T
+        directions[count[at[new]], :, at[new]] = unit[:, new].T
         count[at[new]] += 1
-    return held, count
+    return directions, count
 
 
-def _turns(n_dofs: int, dofs: ndarray, held: ndarray) -> csr_matrix | None:
-    """Identity, with the first unknowns of some nodes rotated to fixed directions."""
+def _turns(n_dofs: int, dofs: ndarray, n: ndarray) -> csr_matrix | None:
+    """Rotation of the unknowns of some nodes to fixed directions; None for none."""
     if dofs.size == 0:
         return None
     turn = identity(n_dofs, format="lil")
-    for dof, (first, *others) in zip(dofs.T, held.transpose(2, 0, 1), strict=True):
+    for dof, (first, *others) in zip(dofs.T, n.transpose(2, 0, 1), strict=True):
         if len(first) == 2:
             frame = [first, [-first[1], first[0]]]
         else:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
-from . import contact
-from .problem import HOLD, InitialGuess, Problem
+from . import active_set
+from .problem import HOLD, Evaluation, Problem
 from .states import NoEquilibriumError, State
 
 log = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ _DRIVES = 0.5
 
 
 class StepEnd(NamedTuple):
-    """State at the end of a hard step: the quantities that are compared.
+    """Quantities of a state by which a step is compared with two half steps.
 
     Energy in N·mm, all components of the forces on conditions in N, and the errors of
     both due to the tolerance of the equilibrium.
@@ -79,7 +79,7 @@ class StepEnd(NamedTuple):
         )
 
     def agrees(self, other: "StepEnd") -> bool:
-        """True if both are the same state."""
+        """True if both are the same state within the tolerance."""
         ours, theirs = np.array(self.forces), np.array(other.forces)
         force = np.abs([ours, theirs]).max()
         energy = max(abs(self.energy), abs(other.energy))
@@ -252,7 +252,7 @@ def loads_drive(
     energies: dict[str, float],
     moved: bool,
 ) -> bool:
-    """True if growing loads drive the ply, besides displacements and surfaces.
+    """True if growing loads drive the ply, also together with prescribed motions.
 
     The problem is at the load factor of a state with displacement, parameters and
     energies by term; ``moved`` is the result of `moves`.
@@ -262,7 +262,7 @@ def loads_drive(
         return False
     if not t:  # no displacement yet, so no work to compare
         return not moved
-    parameters = contact.without(problem, parameters)
+    parameters = active_set.without(problem, parameters)
     growth = ply.load(u, t, parameters) - ply.load(u, 0.0, parameters)
     if not moved:
         return bool(growth.any())
@@ -276,7 +276,7 @@ def load_growth(problem: Problem, state: State, beyond: float) -> float:
     """
     if state.verdict.negative_pivots is None:
         return 0.0
-    u, p = state.u, contact.without(problem, state.parameters)
+    u, p = state.u, active_set.without(problem, state.parameters)
     factors = 0.0, state.load_factor, beyond
     none, least, most = (problem.ply.load(u, t, p) for t in factors)
     largest = max(np.abs(least - none).max(), np.abs(most - none).max())
@@ -286,7 +286,7 @@ def load_growth(problem: Problem, state: State, beyond: float) -> float:
 def balanced_at_rest(
     problem: Problem, load_factors: Iterable[float], tolerance: float
 ) -> bool:
-    """True if no load moves the undeformed ply at any of the load factors of a run.
+    """True if the undeformed ply is in balance at all load factors of a run.
 
     The tolerance in N applies to the nodal forces of all nodes, fixed or free.
     """
@@ -296,7 +296,7 @@ def balanced_at_rest(
     )
 
 
-def surface_predictor(problem: Problem, start: InitialGuess) -> InitialGuess:
+def surface_predictor(problem: Problem, start: Evaluation) -> Evaluation:
     """Predictor for a moving surface: the initial guess is carried along geodesics.
 
     Returns the initial guess itself if no surface grows, or if carrying it folds the
@@ -308,4 +308,4 @@ def surface_predictor(problem: Problem, start: InitialGuess) -> InitialGuess:
     with np.errstate(all="ignore"):  # non-finite values are detected
         p = start.parameters
         usable = problem.area_ratio(u).min() > 0 and problem.in_domain(u, p)
-        return problem.start(u, p) if usable else start
+        return problem.evaluation(u, p) if usable else start

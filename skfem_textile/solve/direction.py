@@ -1,4 +1,4 @@
-"""Iterates, and directions of increments; between tools see `contact.ActiveSet`."""
+"""Iterates, and directions of increments; between tools see `active_set.ActiveSet`."""
 
 from typing import Any, NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
-from .problem import InitialGuess, Problem, Tangent
+from .problem import Evaluation, Problem, Tangent
 from .states import NoEquilibriumError
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
@@ -36,7 +36,7 @@ class Iterate(NamedTuple):
     tension
         Fibre tensions that the last increment predicts, for the geometric stiffness;
         None before the first one.
-    contact
+    contact_forces
         Contact forces λ that it predicts: of nodes on surfaces, shape (n,), or by name
         of the tool, each of shape (n_nodes,).
     tangent
@@ -48,7 +48,7 @@ class Iterate(NamedTuple):
     f: ndarray
     parameters: PlyParameters
     tension: ndarray | None = None
-    contact: Any = None
+    contact_forces: Any = None
     tangent: Any = None
 
     @property
@@ -61,7 +61,7 @@ class Iterate(NamedTuple):
 
     def unbalanced(self, problem: Problem) -> float:
         """Largest free nodal force relative to the largest nodal or contact force."""
-        of_tools = self.contact.values() if problem.contacts else ()
+        of_tools = self.contact_forces.values() if problem.contacts else ()
         largest = max(float(np.abs(x).max(initial=TINY)) for x in (self.f, *of_tools))
         return problem.unbalanced(self.f, self.u) / largest
 
@@ -77,20 +77,18 @@ class Increment(NamedTuple):
         Tangent of which it is the solution.
     whole
         The solution itself, of which ``du`` is a share.
-    contact
+    contact_forces
         Contact forces after it to first order, by name of the tool.
     """
 
     du: ndarray
     tangent: Tangent
     whole: ndarray
-    contact: Any = None
+    contact_forces: Any = None
 
 
 class Direction:
-    """Linearised problem with the consistent tangent.
-
-    Derived classes have other tangents.
+    """Newton direction with the consistent tangent; base of the other directions.
 
     Parameters
     ----------
@@ -101,7 +99,7 @@ class Direction:
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
 
-    def first(self, start: InitialGuess) -> Iterate:
+    def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment."""
         problem, u, p = self._problem, start.u, start.parameters
         # Surfaces move with the load factor.
@@ -109,9 +107,9 @@ class Direction:
         return Iterate(u, problem.residual(u, p), p, tangent=tangent)
 
     def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
-        """Increment that balances the linearised forces.
+        """Solve the linearised problem.
 
-        ``fixed_values`` are the values of the fixed unknowns after it.
+        ``fixed_values`` are the values of the fixed unknowns after the increment.
         """
         tangent = at.tangent or self.tangent(at)
         du = tangent.increment(at.f, at.u, fixed_values)
@@ -132,9 +130,9 @@ class Direction:
 
 
 class Definite(Direction):
-    """A positive definite tangent with predicted tensions, see `definite`."""
+    """Newton direction with a positive definite tangent, see `definite`."""
 
-    def first(self, start: InitialGuess) -> Iterate:
+    def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment."""
         problem, u = self._problem, start.u
         tangent, p = _first_tangent(problem, start)
@@ -152,19 +150,20 @@ class Definite(Direction):
         """The iterate after an increment, with the tensions that it predicts."""
         problem, p, du = self._problem, at.parameters, increment.du
         tension = problem.ply.geometric_tension(at.u, du, p)
-        contact, u = increment.tangent.contact(at.f, du), problem.moved(at.u, du)
-        return Iterate(u, problem.residual(u, p), p, tension, contact)
+        u, forces = problem.moved(at.u, du), increment.tangent.contact_forces(at.f, du)
+        return Iterate(u, problem.residual(u, p), p, tension, forces)
 
     def tangent(self, at: Iterate) -> Any:
         """Tangent of the next increment."""
         assert at.tension is not None  # the first iterate has its tangent
-        return definite(self._problem, at.u, at.parameters, at.tension, at.contact)
+        values = at.u, at.parameters, at.tension, at.contact_forces
+        return definite(self._problem, *values)
 
 
 def _first_tangent(
-    problem: Problem, start: InitialGuess
+    problem: Problem, start: Evaluation
 ) -> tuple[Tangent, PlyParameters]:
-    """The first tangent and parameters.
+    """Tangent and parameters of the first increment.
 
     Where the tangent at the start is singular, a fibre tension is added to it. On
     surfaces the parameters are then updated with the tension due to the loads, because
@@ -179,8 +178,8 @@ def _first_tangent(
         return definite(problem, u, p, tension), p
     size = _FIRST_TENSION
     if problem.surfaces:
-        # As in a square, two sides of which carry all loads along surfaces. With a ten
-        # times larger or smaller value, a sphere takes twice as many solves.
+        # Estimate: total tangential load over two sides of a square of equal area. With
+        # a ten times larger or smaller value, a sphere takes twice as many solves.
         along = problem.nodal(problem.unfixed(problem.load(u, p), u))
         sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
         of_loads = np.full_like(tension, np.linalg.norm(along, axis=0).sum() / sides)
@@ -188,7 +187,7 @@ def _first_tangent(
         G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
         size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
     first = np.full_like(tension, size)
-    return Tangent.at(problem, u, p, first, contact=0.0), p
+    return Tangent.at(problem, u, p, first, contact_forces=0.0), p
 
 
 def definite(
@@ -196,7 +195,7 @@ def definite(
     u: ndarray,
     parameters: PlyParameters,
     tension: ndarray,
-    contact: ndarray | float | None = None,
+    contact_forces: ndarray | float | None = None,
 ) -> Tangent:
     """The tangent; where it is not positive definite, a projected one.
 
@@ -206,7 +205,7 @@ def definite(
     tensions at ``u`` are used. Arguments and exceptions are as for `Tangent`.
     """
     try:
-        tangent = Tangent.at(problem, u, parameters, tension, contact=contact)
+        tangent = Tangent.at(problem, u, parameters, tension, False, contact_forces)
         if tangent.definite:
             return tangent
     except NoEquilibriumError:
@@ -216,7 +215,7 @@ def definite(
 
     def projected(tension: ndarray) -> Tangent:
         clipped = np.maximum(tension, least)
-        tangent = Tangent.at(problem, u, parameters, clipped, True, contact=0.0)
+        tangent = Tangent.at(problem, u, parameters, clipped, True, contact_forces=0.0)
         tangent.projected = True
         return tangent
 

@@ -24,7 +24,7 @@ _ARMIJO = 1e-4
 
 @dataclass
 class Whole:
-    """Whole increments, up to a length, within all laws.
+    """Full increments, limited in length and to the domains of all laws.
 
     The first increment of a ply in its plane has any length: it brings the fixed
     unknowns to their values.
@@ -41,7 +41,7 @@ class Whole:
     longest: float = np.inf
 
     def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
-        """The iterate from which the iteration continues, and the increment there."""
+        """Iterate to continue from, and the shortened increment."""
         problem, du = self.problem, increment.du
         if at.tension is not None or problem.in_space:
             du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
@@ -51,13 +51,13 @@ class Whole:
 
 @dataclass
 class Descent(Whole):
-    """Increments after which the energy decreases, at once or a few increments later.
+    """Line search or watchdog: the energy must decrease after a few increments.
 
-    The first increment of a ply in its plane is exempt.  If an increment increases the
-    energy, and so many further ones as the patience have not decreased it either, the
-    iteration continues from the displacement before the first, with a halved increment:
-    a line search with no patience, else the watchdog technique of Chamberlain et al.
-    (1982; Nocedal & Wright 2006, section 15.6).
+    If the energy has not decreased after an increment and ``patience`` further ones,
+    the iteration goes back to the displacement before the first of them and halves it:
+    a backtracking line search for a patience of 0, else the watchdog technique of
+    Chamberlain et al. (1982; Nocedal & Wright 2006, section 15.6).  The first increment
+    of a ply in its plane is exempt.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Descent(Whole):
     _left: int = 0
 
     def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
-        """The iterate or an earlier one, and the increment there."""
+        """Iterate to continue from, this or an earlier one, and the increment there."""
         at, increment = super().__call__(at, increment)
         if at.tension is None:
             return at, increment
@@ -107,7 +107,7 @@ class Line:
         return self.problem.energy(self.at.u, self.at.parameters)
 
     def falls_to(self, u: ndarray, share: float = 1.0) -> bool:
-        """True if the energy at u is as small as its slope f·du predicts for a share.
+        """Armijo's condition for a share of the increment, with the slope f·du.
 
         Also true if the slope is not negative.
         """
@@ -118,7 +118,7 @@ class Line:
         return fall <= _ARMIJO * share * slope + round_off
 
     def halved(self) -> ndarray:
-        """The increment, halved until the energy falls; the whole one if none does."""
+        """Backtrack until the energy decreases; the full increment if it never does."""
         for share in 0.5 ** np.arange(1, _HALVINGS):
             if self.falls_to(self.problem.moved(self.at.u, share * self.du), share):
                 return share * self.du
@@ -128,7 +128,7 @@ class Line:
 def within_laws(
     problem: Problem, u: ndarray, du: ndarray, parameters: PlyParameters
 ) -> ndarray:
-    """The increment, halved until every law has a value; an error if none has one."""
+    """Halve an increment until every law is defined after it; error if none is."""
     for share in 0.5 ** np.arange(_HALVINGS):
         if problem.in_domain(u + share * du, parameters):
             return share * du

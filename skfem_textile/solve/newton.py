@@ -7,10 +7,10 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy import ndarray
 
-from .contact import ActiveSet
+from .active_set import ActiveSet
 from .direction import Definite, Direction, Iterate
 from .globalisation import Descent, Whole
-from .problem import HOLD, InitialGuess, Problem, Tangent, tangent_at
+from .problem import HOLD, Evaluation, Problem, Tangent, tangent_at
 from .states import Equilibrium, NoEquilibriumError
 from .updates import NearEquilibrium, unchanged
 
@@ -40,8 +40,8 @@ _DESCENT = 3
 # than continuing.
 _BETWEEN_TOOLS = 5
 
-# Number of increments between tools that may follow one that did not decrease the
-# energy, the last of which must have decreased it.  Chosen: with fewer, a slack ply of
+# Increments between tools that the watchdog (`Descent`) allows before it goes back.
+# Chosen: with fewer, a slack ply of
 # stiff fibres takes more than twice as many solves, with more as many (`pytest
 # tests/contact/test_stiff_fibres.py` bounds the solves with 8).
 _WATCHED = 8
@@ -78,7 +78,7 @@ class Method(Protocol):
     def solve(
         self,
         problem: Problem,
-        start: InitialGuess,
+        start: Evaluation,
         fixed_values: ndarray,
         most_projected: float,
         report: Report,
@@ -119,15 +119,15 @@ class Newton:
     increment after the first.  Near the equilibrium the parameters of the terms are
     updated (`NearEquilibrium`).
 
-    Between tools, each increment finds the nodes that touch (`ActiveSet`).  One that
-    rotates nearly inextensible fibres also stretches them, to second order, and may
-    increase the energy, which the next ones then decrease (`Descent`).  The parameters
-    are updated in the first iteration at a load factor, and kept in those that follow
-    an update at an equilibrium.
+    Between tools, each increment determines the contact nodes (`ActiveSet`).  An
+    increment that rotates nearly inextensible fibres stretches them to second order and
+    may increase the energy, which the next increments decrease (`Descent`).  Parameters
+    are updated in the first iteration at a load factor, and kept in the iterations that
+    follow an update at an equilibrium.
 
-    The iteration leaves an unstable equilibrium, or a state with an indefinite tangent
-    at which it has not converged, along the softest mode, and continues, without tools
-    with the line search, except where the load path is followed, which avoids both.
+    At an unstable equilibrium, or if it has not converged and the tangent is
+    indefinite, the iteration moves along the softest mode and continues, without tools
+    with the line search.  It does not where the load path is followed.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class Newton:
     def solve(
         self,
         problem: Problem,
-        start: InitialGuess,
+        start: Evaluation,
         fixed_values: ndarray,
         most_projected: float,
         report: Report,
@@ -173,10 +173,10 @@ class Newton:
     def _stages(
         self, problem: Problem, keeps_parameters: bool
     ) -> list[tuple[Whole, Update, int]]:
-        """Globalisations with updates of the parameters, and their most iterations.
+        """Globalisation, update of parameters and most increments of each stage.
 
-        The second one follows if the first does not converge, or at an unstable
-        equilibrium.
+        The second stage follows if the first does not converge, or converges to an
+        unstable equilibrium.
         """
         each = problem, self.longest
         if problem.contacts:
@@ -207,7 +207,7 @@ class PlainNewton:
     def solve(
         self,
         problem: Problem,
-        start: InitialGuess,
+        start: Evaluation,
         fixed_values: ndarray,
         most_projected: float,
         report: Report,
@@ -298,9 +298,10 @@ def iterate(
     update: Update,
     most: int,
 ) -> Iterate:
-    """Iterate until the forces balance, or ``most`` times.
+    """Run Newton's method for at most ``most`` increments; returns the last iterate.
 
-    The last iterate has a tangent: at equilibrium the consistent one.
+    Its tangent is the consistent one at equilibrium, else the one of the next
+    increment.
     """
     for _ in range(most):
         increment = direction.increment(at, progress.fixed_values)

@@ -15,8 +15,8 @@ from skfem import CellBasis
 
 from ..mesh.bases import node_positions
 from ..mesh.selection import Where, selected_nodes
-from ..mesh.user_input import call_user_function, keep_copies
-from ..surfaces.surface import GrowingSurface, Surface, place
+from ..mesh.user_input import call_user_function, coords, keep_copies
+from ..surfaces.surface import GrowingSurface, Surface
 from .states import NoEquilibriumError
 
 # Tolerances for contact of the surface with the plane of the ply: distance, relative to
@@ -99,7 +99,7 @@ class OnSurface:
 
     def place(self, position: ndarray) -> str:
         """Position in a message, given in the axes of the ply, shape (3,)."""
-        return place(self.stated(position[:, None])[:, 0])
+        return f"{coords(self.stated(position[:, None])[:, 0], 4)} mm"
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
         """Numbers of the nodes on the surface, ascending.
@@ -266,7 +266,7 @@ def _check_derivatives(surface: CheckedSurface, x: ndarray, h: float) -> None:
 
 
 def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
-    """Points of a surface near others, without those that do not converge."""
+    """Project points onto a surface by Newton's method; omits those that fail."""
     for _ in range(_MOST):
         ends = x[:, None, None] + h * np.eye(3)[:, :, None, None] * [[-1], [1]]
         back, ahead = np.moveaxis(
@@ -286,7 +286,7 @@ def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
 def _contradiction(
     lines: ndarray, function: ndarray, derivative: ndarray, h: float
 ) -> tuple[int, int, ndarray, float, float] | None:
-    """Largest contradiction on lines, if any: row, axis, place, slope, derivative.
+    """Largest difference of slope and derivative: row, axis, point and both; or None.
 
     ``whole`` and ``derivative`` are rows of a function and of its derivatives along the
     lines, shape (rows, axes, places, points), and h is the length of an interval.

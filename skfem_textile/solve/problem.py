@@ -1,4 +1,4 @@
-"""Ply under conditions at one load factor: residual, tangent and initial guess.
+"""Ply under conditions at one load factor: residual, energies and tangent.
 
 A tangent is assembled, reduced to the free unknowns and factorised.  On a surface φ = 0
 it is the second derivative of the energy less λ∇²φ, see `SurfaceNodes`.
@@ -66,8 +66,8 @@ _CLOSER_STIFFNESSES = "softer fibres, or a larger shear or bending stiffness"
 
 
 @dataclass(frozen=True, eq=False)
-class InitialGuess:
-    """Initial guess of an iteration: a displacement, with its forces and energies.
+class Evaluation:
+    """Forces and energies at a displacement: an initial guess or an accepted state.
 
     Attributes
     ----------
@@ -110,9 +110,9 @@ class Problem:
     ----------
     load_factor
         Load factor.
-    held
-        Additional nodal forces in N that are removed gradually in the search for the
-        equilibrium at rest.
+    propping
+        Nodal forces in N that balance the undeformed ply; the search for the
+        equilibrium at rest removes them gradually.
     converged
         Relative tolerance of the residual.
     element_size
@@ -142,7 +142,7 @@ class Problem:
     ) -> None:
         self.ply = ply
         self.load_factor = 0.0
-        self.held: ndarray | float = 0.0
+        self.propping: ndarray | float = 0.0
         self.constraints = constraints
         self._solver = solver
         self.clock = Clock()
@@ -178,12 +178,12 @@ class Problem:
         """Energy in N·mm, potentials of loads included."""
         arguments = u, self.load_factor, parameters
         energies = self.clock.time("assembly", self.ply.energies, *arguments)
-        return sum(energies.values()) - float(np.sum(self.held * u))
+        return sum(energies.values()) - float(np.sum(self.propping * u))
 
     def residual(self, u: ndarray, parameters: PlyParameters) -> ndarray:
         """Nodal forces in N: internal forces less loads."""
-        arguments = u, self.load_factor, parameters
-        return self.clock.time("assembly", self.ply.residual, *arguments) - self.held
+        state = u, self.load_factor, parameters
+        return self.clock.time("assembly", self.ply.residual, *state) - self.propping
 
     def energies(
         self, u: ndarray, parameters: PlyParameters
@@ -196,7 +196,7 @@ class Problem:
 
     def load(self, u: ndarray, parameters: PlyParameters) -> ndarray:
         """Nodal forces of the loads and tools."""
-        return self.ply.load(u, self.load_factor, parameters) + self.held
+        return self.ply.load(u, self.load_factor, parameters) + self.propping
 
     def acting_force(self, f: ndarray, u: ndarray, parameters: PlyParameters) -> float:
         """Largest nodal force in N, ``f`` included, where loads act; otherwise 0.
@@ -206,14 +206,14 @@ class Problem:
         every = [term for term in self.ply.terms if term.role == "load"]
         loads = [term for term in every if term not in self.contacts]
         arguments = u, self.load_factor, parameters
-        load = self.held - self.ply.residual(*arguments, loads)
+        load = self.propping - self.ply.residual(*arguments, loads)
         if not load.any():
             return 0.0
         of_tools = self.load(u, parameters) - load
         return max(float(np.abs(x).max()) for x in (f, load, of_tools))
 
     def flies(self, u: ndarray, fixed_values: ndarray) -> bool:
-        """True if a displacement is far beyond ply, tools, surfaces and motions."""
+        """True if a displacement far exceeds the sizes and motions in the problem."""
         far, t = np.abs(u).max(initial=0.0), self.load_factor
         size = self._size + np.abs(fixed_values).max(initial=0.0)
         size += sum(np.linalg.norm(x.travel(t)) for x in self.contacts)
@@ -224,7 +224,7 @@ class Problem:
     def singular(
         self, where: str = "", advice: str = _MORE_STIFFNESS
     ) -> NoEquilibriumError:
-        """The error of a singular tangent, with its place, and advice for mechanisms.
+        """Error for a singular tangent, with its cause and advice.
 
         The cause is a mechanism, or round-off of stiffnesses that are too different.
         """
@@ -249,22 +249,19 @@ class Problem:
         gaps = [gap for tool in self.contacts for gap in tool.gaps(rest, 0.0)]
         return size + float(np.abs(gaps).max(initial=0.0, where=np.isfinite(gaps)))
 
-    def start(
+    def evaluation(
         self, u: ndarray, parameters: PlyParameters, tangent: Any = None
-    ) -> InitialGuess:
-        """Initial guess of an iteration at ``u``."""
+    ) -> Evaluation:
+        """Forces and energies at ``u``."""
         energies, _ = self.energies(u, parameters)
         f, load = self.residual(u, parameters), self.load(u, parameters)
-        return InitialGuess(self.load_factor, u, f, load, energies, parameters, tangent)
+        return Evaluation(self.load_factor, u, f, load, energies, parameters, tangent)
 
-    def at(self, load_factor: float, held: ndarray | float = 0.0) -> "Problem":
-        """The same problem, with the same clock, at another load factor.
-
-        ``held`` are additional nodal forces.
-        """
+    def at(self, load_factor: float, propping: ndarray | float = 0.0) -> "Problem":
+        """The same problem, with the same clock, at another load factor."""
         _ = self.system, self._size  # so that both share them
         other = copy(self)
-        other.load_factor, other.held = load_factor, held
+        other.load_factor, other.propping = load_factor, propping
         return other
 
     def turn(self, u: ndarray) -> csr_matrix | None:
@@ -293,7 +290,7 @@ class Problem:
         return np.array([self.surfaces.motion(u, t, x, along=True) for x in motions])
 
     def unfixed(self, f: ndarray, u: ndarray) -> ndarray:
-        """DOF vector without its components along the fixed directions at ``u``."""
+        """Project a DOF vector onto the free directions at ``u``."""
         turn = self.turn(u)
         q = turned(f, turn).copy()
         q[self.constraints.fixed] = 0.0
@@ -327,8 +324,8 @@ class Problem:
         constraints = self.constraints
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
         size = np.abs(u).max(initial=0.0) + np.abs(self.nodes).max()
-        held = bool((np.abs(off) <= 8 * EPSILON * size).all())
-        return held and self.surfaces.are_on(u, self.load_factor)
+        reached = bool((np.abs(off) <= 8 * EPSILON * size).all())
+        return reached and self.surfaces.are_on(u, self.load_factor)
 
     def in_domain(self, u: ndarray, parameters: PlyParameters) -> bool:
         """True if every law is defined at ``u`` and has a finite energy."""
@@ -352,14 +349,14 @@ class Problem:
         self,
         u: ndarray,
         blocks: ndarray,
-        contact: ContactTerm | SurfaceNodes,
+        constraint: ContactTerm | SurfaceNodes,
         forces: ndarray | float | None,
     ) -> ndarray:
-        """Blocks of a tangent less λ∇²g of contact forces λ, shape (n_nodes,)."""
+        """Tangent blocks less λ∇²g, with contact forces λ of shape (n_nodes,)."""
         if forces is None or not np.any(forces):
             return blocks
         nodes, blocks = np.flatnonzero(forces), blocks.copy()
-        curvatures = contact.curvatures(u, self.load_factor, nodes)
+        curvatures = constraint.curvatures(u, self.load_factor, nodes)
         diagonal = self.ply.pattern.diagonal[nodes]
         blocks[diagonal] -= (np.asarray(forces)[nodes] * curvatures).T
         return blocks
@@ -374,10 +371,10 @@ class Problem:
 def balanced(
     problem: Problem, u: ndarray, f: ndarray, parameters: PlyParameters, tangent: Any
 ) -> PlyParameters:
-    """Parameters with loads that leave the supports without reactions.
+    """Parameters with self-balancing loads adjusted so that reactions vanish.
 
-    The reactions are the work of the nodal forces ``f`` over the motions of the ply
-    that accompany unit motions of the supports.
+    A reaction is the work of the nodal forces ``f`` over the linear response to a unit
+    displacement of its prescribed unknown.
     """
     changed = [term for term in problem.ply.terms if term.balances]
     if not changed:
@@ -428,7 +425,7 @@ class Tangent:
         parameters: PlyParameters,
         tension: ndarray | None = None,
         positive: bool = False,
-        contact: ndarray | float | None = None,
+        contact_forces: ndarray | float | None = None,
     ) -> "Tangent":
         """The tangent at a displacement.
 
@@ -441,17 +438,17 @@ class Tangent:
             ``u``.
         positive
             True if the element matrices are projected onto positive semi-definite ones.
-        contact
+        contact_forces
             Contact forces of nodes on surfaces, shape (n_nodes,), instead of those at
             ``u``; 0 for a tangent without contact forces.
         """
         t, surfaces = problem.load_factor, problem.surfaces
         arguments = u, t, parameters, tension, positive
         blocks = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
-        if contact is None and surfaces:
+        if contact_forces is None and surfaces:
             f = problem.nodal(problem.residual(u, parameters))
-            contact = surfaces.forces(u, t, f)
-        blocks = problem.curved(u, blocks, surfaces, contact)
+            contact_forces = surfaces.forces(u, t, f)
+        blocks = problem.curved(u, blocks, surfaces, contact_forces)
         if problem.contacts:
             blocks = _between_tools(problem, u, parameters, blocks)
         return cls(problem, u, blocks)
@@ -480,14 +477,14 @@ class Tangent:
         prescribed = constraints.prescribed
         dq[prescribed] = fixed_values - turned(u, constraints.turn)[prescribed]
         if problem.surfaces:
-            held = plain(dq, constraints.turn)
-            dq = turned(problem.surfaces.motion(u, problem.load_factor, held), turn)
+            du = plain(dq, constraints.turn)
+            dq = turned(problem.surfaces.motion(u, problem.load_factor, du), turn)
         b = -(turned(f, turn)[free] + self._matrix.coupling @ dq[constraints.fixed])
         dq[free] = self._solve(b)
         return plain(dq, turn)
 
     def motions(self) -> ndarray:
-        """Motions of the ply that accompany unit motions of its supports.
+        """Linear response to a unit displacement of each prescribed unknown.
 
         Shape (n_prescribed, n_unknowns); see `Problem.motions_of_supports`.
         """
@@ -500,7 +497,7 @@ class Tangent:
             motions[i] = plain(dq, turn)
         return motions
 
-    def contact(self, f: ndarray, du: ndarray) -> ndarray | None:
+    def contact_forces(self, f: ndarray, du: ndarray) -> ndarray | None:
         """Contact forces of nodes on surfaces after an increment, to first order.
 
         None if there are no such nodes.
@@ -512,7 +509,7 @@ class Tangent:
         return problem.surfaces.forces(self._u, problem.load_factor, after)
 
     def equilibrated(self, f: ndarray) -> tuple[ndarray, ndarray]:
-        """Increment that balances the forces, and the forces after it, linearised."""
+        """One linearised correction, and the nodal forces after it."""
         problem, turn = self._problem, self._turn
         free, fixed = problem.constraints.free, problem.constraints.fixed
         motion, after, before = np.zeros_like(f), np.zeros_like(f), turned(f, turn)
@@ -521,9 +518,9 @@ class Tangent:
         return plain(motion, turn), plain(after, turn)
 
     def stiffness(self, motion: ndarray) -> float:
-        """Stiffness against a motion of fixed unknowns that the free ones follow.
+        """Stiffness against a motion of the fixed unknowns, condensed.
 
-        It is twice the energy of the motion, linearised.
+        It is twice the energy of the linear response to the motion.
         """
         forces = self._problem.ply.pattern.matrix(self._blocks) @ motion
         return float(motion @ self.equilibrated(forces)[1])
@@ -554,7 +551,7 @@ class Tangent:
             clock.factorisations += factors.factorisations - before
 
     def tolerance(self, u: ndarray, f: ndarray, parameters: PlyParameters) -> float:
-        """Residual tolerance: a share of the largest force, and at least the round-off.
+        """Tolerance of the residual: a share of the largest force plus round-off.
 
         Where loads act, round-off counts up to a small share of the forces.  Before the
         first motion of supports and tools, which will cause larger forces, the
@@ -593,7 +590,7 @@ class Tangent:
 def _between_tools(
     problem: Problem, u: ndarray, parameters: PlyParameters, blocks: ndarray
 ) -> ndarray:
-    """Blocks with the stiffness of gaps, if tools are on opposite sides of the ply.
+    """Add a small stiffness at open gaps if tools are on both sides of the ply.
 
     Tools on one side restrain only nodes that touch them.
     """

@@ -69,7 +69,7 @@ class Driven(NamedTuple):
     half_width: float | None = None
 
     def figures(self) -> dict[str, Any]:
-        """Figures of a summary, and how ``first`` declares them."""
+        """Figures of a summary, and their declaration for ``first``."""
         quantities = [
             Quantity(f"Load ({self.loaded})", "load_N", "N", has_interval=True),
             Quantity(f"Displacement ({self.moved})", "displacement_mm", "mm"),

@@ -12,12 +12,12 @@ from numpy import ndarray
 from ..mesh.user_input import real_numbers
 from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters
-from . import contact
+from . import active_set
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, Method
-from .problem import HOLD, InitialGuess, Problem, Tangent, balanced
+from .problem import HOLD, Evaluation, Problem, Tangent, balanced
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
 from .updates import SETTLED, Damped
 from .verdict import CHECKS, Trial
@@ -64,17 +64,17 @@ class Target(NamedTuple):
         Initial guess, and the last accepted state; None before loading.
     most_projected
         Maximum number of projected tangents.
-    held
-        Additional nodal forces, see `Problem`.
+    propping
+        Propping forces, see `Problem`.
     """
 
     load_factor: float
     step: float
     fixed_values: ndarray
-    start: InitialGuess
-    before: InitialGuess | None
+    start: Evaluation
+    before: Evaluation | None
     most_projected: float = np.inf
-    held: ndarray | float = 0.0
+    propping: ndarray | float = 0.0
 
 
 class AcceptedEquilibrium(NamedTuple):
@@ -86,13 +86,13 @@ class AcceptedEquilibrium(NamedTuple):
         The checked equilibrium.
     projected
         Largest number of projected tangents in the iterations that led to it.
-    settled
+    converged
         True if updating the parameters at the state leaves it unchanged.
     """
 
     trial: Trial
     projected: int
-    settled: bool
+    converged: bool
 
 
 @dataclass(frozen=True)
@@ -141,15 +141,15 @@ class EquilibriumSearch:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
                     change = 0.0 if after is p else _change(trial, after)
-                    settled = damped.converges(change, limit)
-                    if settled and balance and closed:
-                        return found._replace(settled=True)
-                    if not settled:
-                        of_tools = contact.of_tools(problem, after)
+                    converged = damped.converges(change, limit)
+                    if converged and balance and closed:
+                        return found._replace(converged=True)
+                    if not converged:
+                        of_tools = active_set.of_tools(problem, after)
                         after = Frozen({**damped(p, after, change), **of_tools})
                     if not balance:
                         after = balanced(problem, u, f, after, tangent)
-                    start = problem.start(u, after, tangent)
+                    start = problem.evaluation(u, after, tangent)
                     start = replace(start, keeps_parameters=True)
                 again = self._first(target._replace(start=start))
             except NoEquilibriumError:
@@ -163,7 +163,7 @@ class EquilibriumSearch:
             )
         return found
 
-    def at_rest(self, start: InitialGuess, values: ndarray) -> AcceptedEquilibrium:
+    def at_rest(self, start: Evaluation, values: ndarray) -> AcceptedEquilibrium:
         """State at load factor 0 of a ply that is not in equilibrium when undeformed.
 
         Unbalanced forces at rest, such as a constant weight, are first compensated and
@@ -180,9 +180,9 @@ class EquilibriumSearch:
         shortest = _SHORTEST_AT_REST[0 if stable else 1]
         while True:
             share = min(1.0, done + step)
-            held = (1.0 - share) * unbalanced
-            begin = self.problem.at(0.0, held).start(u, p, tangent)
-            target = Target(0.0, 0.0, share * values, begin, None, most, held)
+            rest = (1.0 - share) * unbalanced
+            begin = self.problem.at(0.0, rest).evaluation(u, p, tangent)
+            target = Target(0.0, 0.0, share * values, begin, None, most, rest)
             try:
                 found = self(target)
             except NoEquilibriumError as failure:
@@ -196,7 +196,7 @@ class EquilibriumSearch:
             projected = max(projected, found.projected)
             if share == 1.0:
                 return found._replace(projected=projected)
-            last = found.trial.next_guess()
+            last = found.trial.next_start()
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
 
@@ -206,8 +206,8 @@ class EquilibriumSearch:
         If loads drive the path, the ply may jump to another equilibrium; the work check
         is then strict.
         """
-        t, step, values, start, before, most, held = target
-        problem, method = self.problem.at(t, held), self.method
+        t, step, values, start, before, most, propping = target
+        problem, method = self.problem.at(t, propping), self.method
         try:
             with np.errstate(all="ignore"):  # what is not finite is caught
                 equilibrium = method.solve(
@@ -228,11 +228,11 @@ class EquilibriumSearch:
                 _AT_REST if at_rest else failure.advice,
                 failure.quantity,
             ) from None
-        return AcceptedEquilibrium(trial, equilibrium.projected, settled=False)
+        return AcceptedEquilibrium(trial, equilibrium.projected, False)
 
 
 def _balances(trial: Trial) -> bool:
-    """True if the supports have no reactions, or no load is to balance them."""
+    """False if a self-balancing load leaves support reactions."""
     problem, (u, f, p, *_) = trial.problem, trial.equilibrium
     tangent = trial.equilibrium.tangent
     if tangent is None or not any(term.balances for term in problem.ply.terms):
@@ -242,14 +242,14 @@ def _balances(trial: Trial) -> bool:
 
 
 def _is_closed(trial: Trial) -> bool:
-    """True if contact is a constraint: no penetration, no force without contact."""
+    """True if gaps and contact forces satisfy the contact conditions."""
     problem, (u, _, p, *_) = trial.problem, trial.equilibrium
     if not problem.contacts:
         return True
-    if not contact.is_set(problem, p):
+    if not active_set.is_set(problem, p):
         return False
     size = float(np.ptp(problem.nodes, axis=1).max())
-    return contact.error(problem, u, p) <= contact.CLOSED * size
+    return active_set.error(problem, u, p) <= active_set.CLOSED * size
 
 
 def _limit_of_change(problem: Problem) -> float:
@@ -265,7 +265,7 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     """
     problem, (u, f, *_) = trial.problem, trial.equilibrium
     tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent
-    start = problem.start(u, parameters, tangent)
+    start = problem.evaluation(u, parameters, tangent)
     if not np.isfinite(start.f).all():
         raise NoEquilibriumError("the parameters of a term are not finite")
     if problem.unbalanced(start.f, u) <= tolerance:
@@ -279,7 +279,7 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     return _change_to_balance(trial, start)
 
 
-def _change_to_balance(trial: Trial, start: InitialGuess) -> float:
+def _change_to_balance(trial: Trial, start: Evaluation) -> float:
     """Change of energy and forces from a trial to the balance of an initial guess.
 
     To first order, at the same displacement; infinite if the tangent is singular.
@@ -303,7 +303,7 @@ def _change_to_balance(trial: Trial, start: InitialGuess) -> float:
 def _largest_force(trial: Trial) -> float:
     """Largest force of a condition or tool in N."""
     problem, (u, f, p, *_) = trial.problem, trial.equilibrium
-    of_tools = (force for force, _ in contact.resultants(problem, u, p).values())
+    of_tools = (force for force, _ in active_set.resultants(problem, u, p).values())
     forces = *problem.forces(f).values(), *of_tools
     return max(float(np.linalg.norm(force)) for force in forces)
 
@@ -367,7 +367,7 @@ def equilibrium_near(
     constraints = Constraints(ply.basis, conditions)
     problem = Problem(ply, constraints, partial(ChosenSolver, solver)).at(load_factor)
     with np.errstate(all="ignore"):  # what is not finite is caught
-        start = problem.start(u, parameters or ply.parameters_at_rest)
+        start = problem.evaluation(u, parameters or ply.parameters_at_rest)
     search = EquilibriumSearch(
         problem, method_of(method), frozenset(warn_only), lambda _: None
     )
@@ -401,7 +401,7 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
     fixed = problem.is_fixed(u, constraints.fixed_values(1.0))
     in_balance = fixed and residual <= tolerance
     if fixed and p is not at_rest and np.isfinite(f).all():
-        change = _change_to_balance(trial, problem.start(u, p, tangent))
+        change = _change_to_balance(trial, problem.evaluation(u, p, tangent))
         in_balance = change <= _limit_of_change(problem)
     if not in_balance:
         cause = f"the largest free nodal force is {residual:.3g} N"

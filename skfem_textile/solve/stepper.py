@@ -362,7 +362,7 @@ class Run:
         end = replay.last.equilibrium
         tangent = tangent_at(replay.last.problem, end.u, end.parameters)
         replay.last.equilibrium = end._replace(tangent=tangent)
-        self._start = replay.last.next_guess()
+        self._start = replay.last.next_start()
         # The checkpoint already includes the time of that tangent.
         problem.clock = replay.last.problem.clock = saved.progress.clock
         self._began -= saved.progress.elapsed
@@ -403,12 +403,12 @@ class Run:
                 log.warning(UNCHANGING)
             return
         self.states = [state]  # until the ply is in equilibrium
-        equilibrium = self._search.at_rest(problem.start(u, p, tangent), values)
+        equilibrium = self._search.at_rest(problem.evaluation(u, p, tangent), values)
         state = equilibrium.trial.state(problem.clock.solves)
         easy = (
             equilibrium.projected <= MOST_PROJECTED and self._search.method.follows_path
         )
-        if not easy or not equilibrium.settled or self._depends_on_steps(state):
+        if not easy or not equilibrium.converged or self._depends_on_steps(state):
             self.continuation.mark(0.0)
         self.states = []
         self._append(state, equilibrium.trial)
@@ -418,7 +418,7 @@ class Run:
         problem = self.problem.at(1.0)
         values = problem.constraints.fixed_values(1.0)
         with np.errstate(all="ignore"):  # non-finite values are detected
-            guess = problem.start(u, problem.ply.parameters_at_rest)
+            guess = problem.evaluation(u, problem.ply.parameters_at_rest)
             if not problem.in_domain(u, guess.parameters):
                 end = problem.ply.closest_end(u)
                 raise NoEquilibriumError(
@@ -429,7 +429,7 @@ class Run:
         before = problem.clock.solves
         found = self._search(Target(1.0, 1.0, values, guess, None))
         state = found.trial.state(problem.clock.solves - before)
-        if not found.settled or self._depends_on_steps(state):
+        if not found.converged or self._depends_on_steps(state):
             self.continuation.mark(1.0)
         self._append(state, found.trial)
 
@@ -461,7 +461,7 @@ class Run:
             return
         before = sum(state.linear_solves for state in self.states)
         state = found.trial.state(problem.clock.solves - before)
-        settled = found.settled and not self._depends_on_steps(state)
+        settled = found.converged and not self._depends_on_steps(state)
         projected = found.projected
         if problem.contacts:  # more steps do not resolve a path
             settled, projected = settled and not projected, 0
@@ -501,7 +501,7 @@ class Run:
                     raise
                 raise self._stopped(error) from None
         self.states.append(state)
-        self._start = trial.next_guess()
+        self._start = trial.next_start()
         log.info("load factor %g: %d linear solves", t, state.linear_solves)
         if stepper.on_step is not None and t > 0:
             stepper.on_step(state)

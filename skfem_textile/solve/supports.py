@@ -47,10 +47,10 @@ def reactions(
     sums = np.zeros((n_nodes, d, d))
     for _, nodes, n in fixed:
         np.add.at(sums, nodes, np.einsum("in,jn->nij", n, n))
-    held = np.unique(np.concatenate([x.nodes for x in fixed]))
-    inverse = np.linalg.pinv(sums[held], _OTHER_DIRECTION, hermitian=True)
+    supported = np.unique(np.concatenate([x.nodes for x in fixed]))
+    inverse = np.linalg.pinv(sums[supported], _OTHER_DIRECTION, hermitian=True)
     weighted = np.zeros_like(forces)
-    weighted[:, held] = np.einsum("nij,jn->in", inverse, forces[:, held])
+    weighted[:, supported] = np.einsum("nij,jn->in", inverse, forces[:, supported])
     result = {name: np.zeros(d) for name in constraints.nodes}
     for name, nodes, n in fixed:
         result[name] += n @ (n * weighted[:, nodes]).sum(axis=0)

@@ -136,7 +136,7 @@ class SurfaceNodes:
             condition.at(name, t)
 
     def _at(self, u: ndarray, t: float) -> _Values:
-        """Values at a displacement, which an iteration uses repeatedly.
+        """Values at a displacement; the last evaluation is kept.
 
         Raises an error if conditions already fix the normal of a node.
         """
@@ -188,10 +188,10 @@ class SurfaceNodes:
         """Matrix from the unknowns, of which ``eliminated`` are normal to surfaces."""
         if not self:
             return self._linear_turn
-        contact = self._at(u, t)
+        values = self._at(u, t)
         if self._turn is None:
             frames, nodes = self._frames.copy(), self.nodes
-            across = np.einsum("nij,in->nj", frames[nodes], contact.across)
+            across = np.einsum("nij,in->nj", frames[nodes], values.across)
             # Householder reflection with n as its column ``first``.
             mirror = np.where(self._free[nodes], across, 0.0)
             row, first = np.arange(len(nodes)), self.eliminated - 3 * nodes
@@ -238,7 +238,7 @@ class SurfaceNodes:
         return (x - self._X).T.ravel()
 
     def farthest(self, t: float) -> float:
-        """Largest displacement in mm of a node at rest onto its surface.
+        """Largest distance in mm by which projection moves a node of the flat ply.
 
         Infinite if the projection fails.
         """

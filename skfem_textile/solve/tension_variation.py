@@ -17,7 +17,7 @@ from skfem.helpers import ddot, grad
 
 from ..fabric import kinematics as kin
 from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers
-from ..mesh.pattern import components
+from ..mesh.graph import components
 from ..mesh.selection import SINGULAR
 from ..ply import Ply
 from ..ply.terms import TensionTerm

@@ -21,9 +21,9 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import printable
-from . import contact
+from . import active_set
 from .conditions import turned
-from .problem import EPSILON, HOLD, ROUNDINGS, InitialGuess, Problem
+from .problem import EPSILON, HOLD, ROUNDINGS, Evaluation, Problem
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
 #: Names of the checks, cheap ones first.
@@ -91,20 +91,20 @@ class Trial:
 
     problem: Problem
     equilibrium: Equilibrium
-    start: InitialGuess | None
+    start: Evaluation | None
     energies: dict[str, float]
     potentials: dict[str, float]
     warnings: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, problem: Problem, equilibrium: Equilibrium, start: InitialGuess | None
+        cls, problem: Problem, equilibrium: Equilibrium, start: Evaluation | None
     ) -> "Trial":
-        """Trial of an equilibrium; a start with other parameters is re-evaluated."""
+        """Create a trial; a start with other parameters is evaluated again."""
         u, p = equilibrium.u, equilibrium.parameters
         energies, potentials = problem.energies(u, p)
         if start and not all(p[k].same_as(x) for k, x in start.parameters.items()):
-            start = problem.at(start.load_factor).start(start.u, p)
+            start = problem.at(start.load_factor).evaluation(start.u, p)
         return cls(problem, equilibrium, start, energies, potentials)
 
     @cached_property
@@ -118,7 +118,7 @@ class Trial:
         """True if the ply is still undeformed, because no tool has reached it."""
         size = float(np.ptp(self.problem.nodes, axis=1).max())
         moved = np.abs(self.equilibrium.u).max(initial=0.0)
-        return bool(self.problem.contacts and moved <= contact.CLOSED * size)
+        return bool(self.problem.contacts and moved <= active_set.CLOSED * size)
 
     @cached_property
     def area_ratio(self) -> ndarray:
@@ -158,9 +158,9 @@ class Trial:
             "energy": (energies[:, None, None], force * np.abs(u).sum()),
             "work": (work[:, None, None], force * np.abs(self.move).sum()),
         }
-        held = [problem.nodal(f - problem.unfixed(f, u)) for f in forces]
+        fixed = [problem.nodal(f - problem.unfixed(f, u)) for f in forces]
         for name, nodes in problem.constraints.nodes.items():
-            at_nodes = np.array([of_part[:, nodes] for of_part in held])
+            at_nodes = np.array([of_part[:, nodes] for of_part in fixed])
             wholes[f"{name}_reaction"] = at_nodes, force * len(nodes)
         shares: dict[str, dict[str, float]] = {}
         for name, (x, least) in wholes.items():
@@ -215,15 +215,15 @@ class Trial:
                     advice="more steps",
                 )
 
-    def next_guess(self) -> InitialGuess:
-        """The equilibrium as the start of a step, with advanced parameters."""
+    def next_start(self) -> Evaluation:
+        """Evaluation from which the next step starts, with advanced parameters."""
         problem, (u, f, parameters, *_) = self.problem, self.equilibrium
         t = problem.load_factor
         advanced = problem.ply.advanced(parameters, u, t)
         if advanced is not parameters:
-            return problem.start(u, advanced, self.equilibrium.tangent)
+            return problem.evaluation(u, advanced, self.equilibrium.tangent)
         load, tangent = problem.load(u, parameters), self.equilibrium.tangent
-        return InitialGuess(t, u, f, load, self.energies, parameters, tangent)
+        return Evaluation(t, u, f, load, self.energies, parameters, tangent)
 
     def state(self, linear_solves: int) -> State:
         """The state, after a number of linear solves since the previous one."""
@@ -232,7 +232,7 @@ class Trial:
         u.flags.writeable = False  # the run continues from it
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
-        tools = contact.resultants(problem, u, equilibrium.parameters)
+        tools = active_set.resultants(problem, u, equilibrium.parameters)
         pushed = {name: force for name, (force, _) in tools.items()}
         return State(
             load_factor=problem.load_factor,
@@ -383,11 +383,11 @@ def _discretisation_checks(trial: Trial) -> _Failures:
     for role, beginning in _ROLES.items():
         if carried := excess(trial.shares, role, supports):
             yield role, NoEquilibriumError(f"{beginning} {carried}: {cure}")
-    held = trial.energies.get("corners", 0.0)
+    corners = trial.energies.get("corners", 0.0)
     total = abs(sum(trial.energies.values()))
-    if held > _CORNER_SHARE * total:
+    if corners > _CORNER_SHARE * total:
         error = NoEquilibriumError(
-            f"the corner resistance contributes {held / total:.0%} of the energy; "
+            f"the corner resistance contributes {corners / total:.0%} of the energy; "
             "refine the mesh there, or increase the stabilisation"
         )
         yield "corners", error
@@ -426,8 +426,8 @@ def _point_supports(problem: Problem, u: ndarray) -> list[str]:
     the elements around the node.
     """
     constraints = problem.constraints
-    held = np.abs(turned(u, constraints.turn)[constraints.prescribed])
-    moved = constraints.prescribed[held > _ROUND_OFF * np.abs(u).max(initial=0.0)]
+    values = np.abs(turned(u, constraints.turn)[constraints.prescribed])
+    moved = constraints.prescribed[values > _ROUND_OFF * np.abs(u).max(initial=0.0)]
     moved_nodes = np.setdiff1d(moved // len(problem.nodal(u)), problem.surfaces.nodes)
     return [
         name
@@ -439,7 +439,7 @@ def _point_supports(problem: Problem, u: ndarray) -> list[str]:
 def excess(
     shares: Mapping[str, Mapping[str, float]], role: str, supports: Collection[str] = ()
 ) -> str:
-    """Shares of a role that exceed their limits, in words; empty if there are none.
+    """Message on the shares of a role that exceed their limits; empty if none do.
 
     The role is ``stabilisation`` or ``deviation``.  Reactions of the conditions
     ``supports`` are excluded.

@@ -5,9 +5,8 @@ from itertools import compress
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.pattern import components
+from ..mesh.graph import boundary_edges, components
 from .tool_mesh import curve_length, loops_of_edges
-from .triangles import boundary_edges
 
 # Distance of the vertices of a patch from its edge, relative to their spacing.
 _INSIDE = 0.7
@@ -21,7 +20,7 @@ _ROUNDS = 3
 
 
 def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
-    """Vertices and triangles with patches over all holes.
+    """Close all holes with patches; vertices and triangles.
 
     Ends of tubes do not count as holes, see `turning`; a part has at least one outer
     edge, the longest.  The vertices of a patch minimise ∫|Δx|², and with it the bending
@@ -94,7 +93,7 @@ def parts_of(n: int, triangles: ndarray) -> ndarray:
 
 
 def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:
-    """Vertices, and the triangles of a patch in a loop.
+    """Add a flat patch in a loop: all vertices, and the triangles of the patch.
 
     They are triangles of a disk with the circumference of the loop.  New vertices are
     the last, in the middle of the loop.
@@ -122,7 +121,7 @@ def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _relaxed(x: ndarray, triangles: ndarray, loop: ndarray, free: ndarray) -> ndarray:
-    """Vertices, of which the free ones minimise ∫|Δx|².
+    """Move the free vertices to minimise ∫|Δx|².
 
     Triangles are the patch and its neighbours.
     """

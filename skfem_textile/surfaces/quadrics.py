@@ -116,7 +116,7 @@ class Quadrics:
         self._few_tree = KDTree(points[self._few])
 
     def moved(self, origin: ndarray, turn: ndarray) -> "Quadrics":
-        """The same quadrics in axes with an origin, (3,), and directions, (3, 3)."""
+        """Quadrics in new axes with an origin, (3,), and directions, (3, 3)."""
         from scipy.spatial import KDTree
 
         points, a, b, H = self._quadrics
@@ -262,7 +262,7 @@ _SYMMETRIC = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
 def _flat(lists: ndarray) -> ndarray:
-    """Numbers in an array of lists, one after the other."""
+    """Concatenate an array of lists of integers."""
     return np.fromiter(chain.from_iterable(lists), dtype=np.int64)
 
 
@@ -304,7 +304,7 @@ def _fitted(
 def _straightened(
     bend: tuple[ndarray, ...], d: ndarray, beyond: ndarray, limit: ndarray
 ) -> tuple[ndarray, ...]:
-    """Quadratic part of quadrics, whose growth becomes linear beyond a distance.
+    """Quadratic parts, continued linearly beyond a distance.
 
     e = ½ d·H d is multiplied by ψ(t) = 2 f(t)/t² of t = |d|/L, where f″ falls from 1 at
     t = 1 to 0 at t = 2, so that second derivatives are continuous.

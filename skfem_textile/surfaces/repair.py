@@ -4,10 +4,10 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.pattern import components
+from ..mesh.graph import components, edges_once
+from ..mesh.user_input import coords
 from .holes import of_outer_edges, parts_of, turning
 from .sewing import Sewing, sewn
-from .triangles import edges_once
 
 # Smallest and largest extent in mm.  Chosen: squares of areas are finite and nonzero.
 _LEAST, _LARGEST = 1e-50, 1e50
@@ -107,7 +107,7 @@ def repaired(
 
 
 def _valid(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
-    """Vertices, shape (n, 3), and triangles, if their numbers are sane."""
+    """Vertices, shape (n, 3), and triangles; refuses numbers out of range."""
     vertices = np.asarray(vertices, dtype=float)
     triangles = np.asarray(triangles, dtype=int)
     if vertices.ndim != 2 or len(vertices) != 3:
@@ -127,7 +127,7 @@ def _valid(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
         triangle = np.flatnonzero((triangles == vertex).any(axis=0))[0]
         raise MeshError(
             f"triangle mesh: triangle {triangle + 1} has a corner at "
-            f"({xyz(x[vertex])}) mm, which is not finite or far from all others: "
+            f"{coords(x[vertex])} mm, which is not finite or far from all others: "
             "correct this vertex"
         )
     with np.errstate(over="ignore"):
@@ -141,7 +141,7 @@ def _valid(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _stray(x: ndarray) -> ndarray:
-    """Which vertices are not finite, or far from all others, shape (n,)."""
+    """Mask of vertices that are not finite or far from all others, shape (n,)."""
     finite = np.isfinite(x).all(axis=1)
     if not finite.all():
         return ~finite
@@ -180,7 +180,7 @@ def _neighbours(triangles: ndarray) -> tuple[ndarray, ndarray]:
 
     Also 1 for those that run along the edge in opposite directions, else 0, shape (n,).
     """
-    edges, _, count = edges_once([triangles])
+    edges, _, _, count = edges_once([triangles])
     low, high = edges.min(axis=0).astype(np.int64), edges.max(axis=0)
     order = np.argsort(low * (int(high.max()) + 1) + high, kind="stable")
     start = (np.cumsum(count) - count)[count == 2]
@@ -234,7 +234,7 @@ def _around_openings(
 
     Also the open edges, (2, n), and the chain of each, (n,).
     """
-    edges, first, count = edges_once([triangles])
+    edges, first, _, count = edges_once([triangles])
     open_edges = edges[:, first[count == 1]]
     loop = components(len(x), open_edges)[open_edges[0]]
     length = np.linalg.norm(x[open_edges[0]] - x[open_edges[1]], axis=1)
@@ -250,14 +250,14 @@ def _branches(x: ndarray, triangles: ndarray) -> str:
     MeshError
         If there are many of them.
     """
-    edges, first, count = edges_once([triangles])
+    edges, first, _, count = edges_once([triangles])
     several = count > 2
     if not several.any():
         return ""
     ends = x[edges[:, first[several][0]]]
     text = (
         f"{several.sum()} edge(s) belong to more than two triangles, one of them at "
-        f"({xyz(ends.mean(axis=0))}) mm"
+        f"{coords(ends.mean(axis=0))} mm"
     )
     if several.mean() > _BRANCHES:
         raise MeshError(
@@ -280,7 +280,7 @@ def _sides(triangles: ndarray) -> ndarray:
 
 
 def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
-    """Consistently oriented triangles, and what was turned.
+    """Orient triangles consistently; triangles, and a remark on reversed ones.
 
     Sides are propagated over shared edges.  Each part then keeps the side of most of
     its area, or faces upwards if there is none; a closed part faces outwards.
@@ -291,7 +291,7 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
     if (twisted := np.flatnonzero(side[:n] == side[n:])).size:
         place = x[triangles[:, twisted[0]]].mean(axis=0)
         raise MeshError(
-            f"triangle mesh: the surface around ({xyz(place)}) mm has only one side, "
+            f"triangle mesh: the surface around {coords(place)} mm has only one side, "
             "like a Moebius strip: export only the surface that is draped"
         )
     part = np.unique(np.minimum(side[:n], side[n:]), return_inverse=True)[1].reshape(-1)
@@ -303,7 +303,7 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
     if flat.any():
         place = x[triangles[:, flat[part]][0, 0]]
         raise MeshError(
-            f"triangle mesh: the separate part at ({xyz(place)}) mm has no area: "
+            f"triangle mesh: the separate part at {coords(place)} mm has no area: "
             "remove it"
         )
     share = np.bincount(part, area * turned) / np.bincount(part, area)
@@ -353,7 +353,7 @@ def _of_holes(x: ndarray, triangles: ndarray) -> str:
     place = x[open_edges[0, loop == hole]].mean(axis=0)
     return (
         f"the tool has {n} hole(s), the largest with a circumference of "
-        f"{around[hole]:.3g} mm around ({xyz(place)}) mm: a draped ply spans them on "
+        f"{around[hole]:.3g} mm around {coords(place)} mm: a draped ply spans them on "
         "a smooth continuation, a formed ply does not touch the tool there"
     )
 
@@ -385,7 +385,7 @@ def _of_shell(x: ndarray, triangles: ndarray) -> str:
     nearest = across.argmin()
     text = (
         f"opposite sides of the tool are {across[nearest]:.3g} mm apart at "
-        f"({xyz(centres[pairs[0, nearest]])}) mm, too close for edges of "
+        f"{coords(centres[pairs[0, nearest]])} mm, too close for edges of "
         f"{edge:.3g} mm"
     )
     if share > _SHELL:
@@ -394,8 +394,3 @@ def _of_shell(x: ndarray, triangles: ndarray) -> str:
             "smaller triangles"
         )
     return f"{text}: keep the ply away from there"
-
-
-def xyz(point: ndarray) -> str:
-    """Coordinates in a message."""
-    return ", ".join(f"{x:.6g}" for x in np.round(point, 6) + 0.0)

@@ -11,8 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.pattern import components
-from .triangles import edges_once
+from ..mesh.graph import components, edges_once
 
 # Distance, relative to the extent, below which vertices coincide: single precision.
 _ONE = 1e-6
@@ -45,7 +44,7 @@ class Sewing(NamedTuple):
 
 
 def sewn(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, Sewing]:
-    """Vertices without copies, shape (n, 3), triangles, (3, m), and the sewing.
+    """Merge copies of vertices; vertices (n, 3), triangles (3, m) and a `Sewing`.
 
     Triangles with coincident corners are removed, and so are duplicates.
 
@@ -85,7 +84,7 @@ def sewn(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, Sewing]:
 
 
 def _without_duplicates(triangles: ndarray) -> tuple[ndarray, int]:
-    """Triangles of different vertices, and the number of the others."""
+    """Remove duplicate triangles; triangles, and the number removed."""
     n = int(triangles.max()) + 1
     corners = np.sort(triangles, axis=0).astype(np.int64)
     _, pair = np.unique(corners[0] * n + corners[1], return_inverse=True)
@@ -94,7 +93,7 @@ def _without_duplicates(triangles: ndarray) -> tuple[ndarray, int]:
 
 
 def _without_repetition(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
-    """One vertex for those that coincide in single precision."""
+    """Merge vertices that coincide in single precision."""
     low, extent = x.min(axis=0), np.ptp(x, axis=0).max()
     grid = np.round((x - low) / (_ONE * extent)).astype(np.int64)
     side = round(1 / _ONE) + 2
@@ -122,7 +121,7 @@ def _copies(
     """
     from scipy.spatial import KDTree
 
-    ends, first, count = edges_once([triangles])
+    ends, first, _, count = edges_once([triangles])
     length = np.linalg.norm(x[ends[0]] - x[ends[1]], axis=1)
     typical = float(np.median(length))
     reach = max(_COPIES) * typical
@@ -145,7 +144,7 @@ def _copies(
 
 
 def _largest_scatter(distances: ndarray, typical: float) -> float:
-    """Lower end of the highest gap between short distances, 0 if there is none."""
+    """Lower end of the largest jump in sorted short distances; 0 without a jump."""
     limit = _SHORT * typical
     short = np.sort(distances[distances < limit])
     upper = short[len(short) // 2 :]
@@ -154,12 +153,12 @@ def _largest_scatter(distances: ndarray, typical: float) -> float:
 
 
 def _cut_at_vertices(x: ndarray, triangles: ndarray) -> tuple[ndarray, int, float]:
-    """Triangles, cut where open vertices lie on their open edges.
+    """Split triangles where open vertices lie on their open edges.
 
     One edge of each triangle is cut.  Also the number of these vertices, and their
     largest distance from an edge in mm.
     """
-    edges, first, count = edges_once([triangles])
+    edges, first, _, count = edges_once([triangles])
     first = first[count == 1]
     edge, vertex, share, away = _on_open_edges(x, edges[:, first])
     side, triangle = np.divmod(first[edge], triangles.shape[1])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
-from ..mesh.user_input import CopiedError, shortened
+from ..mesh.user_input import CopiedError, coords, shortened
 
 # Distance from a surface, relative to the largest coordinate, below which a point is on
 # it, and maximum number of iterations of the projection.  Chosen: far below any element
@@ -73,13 +73,8 @@ class OffSurfaceError(CopiedError, ValueError):
     """
 
     def __init__(self, what: str, position: ndarray) -> None:
-        super().__init__(f"{what} at {place(position)}")
+        super().__init__(f"{what} at {coords(position, 4)} mm")
         self.what, self.position = what, position
-
-
-def place(position: ndarray) -> str:
-    """Position in a message."""
-    return f"({', '.join(f'{x:.4g}' for x in position)}) mm"
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,9 +268,9 @@ class Geodesics(NamedTuple):
         return x + s * h * (v + s * h / 2 * a) + s**3 * rest
 
     def on_growing(self, point: ndarray, t: float) -> ndarray:
-        """Ends of the geodesics on `GrowingSurface` at a parameter, shape (3, n).
+        """Ends of the geodesics on the `GrowingSurface` with parameter t, shape (3, n).
 
-        Enlarged by 1/t, they are the first parts of those on the surface itself.
+        They are the points at the fraction t of these geodesics, scaled by 1/t.
         """
         point = point[:, None]
         if t == 0:
@@ -344,7 +339,7 @@ def geodesics(
     first: ndarray | None = None,
     steps: int = _STEPS,
 ) -> Geodesics:
-    """Geodesics of which `exponential_map` returns the ends."""
+    """Integrate the geodesics whose end points `exponential_map` returns."""
     start = np.array([*touch, 0.0]) if point is None else np.asarray(point, dtype=float)
     start = onto(surface, start[:, None])
     along = tangents(surface, start[:, 0], (1.0, 0.0, 0.0) if first is None else first)

@@ -1,5 +1,6 @@
 """Elements of a tool, and triangulation of surfaces for pictures."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -7,9 +8,10 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from ..mesh.graph import boundary_edges
 from ..mesh.user_input import keep_copies, real_numbers
-from .surface import GrowingSurface, Surface
-from .triangles import boundary_edges, edge_lengths, unit
+from .surface import GrowingSurface, OffSurfaceError, Surface, onto
+from .triangles import edge_lengths, unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +168,6 @@ _TETRAHEDRA = np.array(
     ]
 )
 
-# Number of Newton steps that project corners onto the surface.
-_STEPS = 3
-
 
 def triangles_on(
     surface: Surface, low: ndarray, high: ndarray, cells: int
@@ -223,9 +222,8 @@ def triangles_on(
     pairs = np.divmod(edges, level.size)
     share = level[pairs[0]] / (level[pairs[0]] - level[pairs[1]])
     x = points[:, pairs[0]] * (1 - share) + points[:, pairs[1]] * share
-    for _ in range(_STEPS):
-        gradient = surface.gradient(x)
-        x = x - surface.level(x) / (gradient**2).sum(axis=0) * gradient
+    with suppress(OffSurfaceError):  # at a kink, they stay on the edges of the cubes
+        x = onto(surface, x)
     return x, inverse.reshape(3, -1)
 
 
@@ -263,7 +261,7 @@ def triangles_within(
 
 
 def _crossed_edges(tetrahedra: ndarray, level: ndarray) -> ndarray:
-    """Ends of the edges on which corners of triangles lie, shape (2, 3, n)."""
+    """Cut edges of tetrahedra: end nodes of the 3 edges of each triangle, (2, 3, n)."""
     above = level[tetrahedra] > 0
     order = np.argsort(above, axis=0, kind="stable")  # those below first
     a, b, c, d = np.take_along_axis(tetrahedra, order, axis=0)

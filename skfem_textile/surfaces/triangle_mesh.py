@@ -11,11 +11,13 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from ..mesh.graph import boundary_edges
+from ..mesh.user_input import coords
 from .holes import filled
 from .quadrics import FITTED, Derivatives, Quadrics
-from .repair import mean_edge, repaired, xyz
+from .repair import mean_edge, repaired
 from .tool_mesh import ToolMesh
-from .triangles import ElementTree, boundary_edges, closest_on_triangles, unit
+from .triangles import ElementTree, closest_on_triangles, unit
 
 # Number of positions for which values are kept: a Newton iteration returns to the last
 # state after a trial step.
@@ -126,8 +128,8 @@ class TriangleMesh:
         worst = int(np.abs(offset).argmax())
         if abs(offset[worst]) > _OFF * self._edge:
             return (
-                f"the vertex at ({xyz(self._x[worst])}) mm is {abs(offset[worst]):.2g} "
-                "mm away from the smooth surface through its neighbours: sharp edges "
+                f"the vertex at {coords(self._x[worst])} mm is {abs(offset[worst]):.2g}"
+                " mm away from the smooth surface through its neighbours: sharp edges "
                 "are rounded there, unless the vertex is wrong"
             )
         return ""
@@ -242,7 +244,7 @@ class TriangleMesh:
         return _Edges(self.facets)
 
     def far_away(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """Side of the tool on which points certainly lie, and the normal there.
+        """Side of the tool of points far away, 0 near it, and the normal there.
 
         Without evaluating φ: the sign of the height over the nearest vertex, 0 for
         heights up to twice the mean edge; and its normal, shapes (n,) and (3, n).
@@ -269,7 +271,7 @@ class TriangleMesh:
         return level, gradient
 
     def _mean(self, x: ndarray) -> Derivatives:
-        """φ and its derivatives, which an iteration uses one after the other."""
+        """φ and its derivatives; the last evaluation is kept."""
         for at, mean in self._kept:
             if np.array_equal(at, x):
                 return mean
@@ -299,7 +301,7 @@ class _Edges:
             self._half = 0.5 * np.linalg.norm(x[:, begin] - x[:, end], axis=0).max()
 
     def near(self, x: ndarray) -> ndarray:
-        """Numbers of points whose closest point can lie on an open edge.
+        """Indices of points that may be closest to an open edge.
 
         No point of an edge is closer than its middle by more than half of its length,
         and the tool is at most as far away as its nearest node.
@@ -322,7 +324,7 @@ def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
     if not (length > _FACING * around).all():
         place = x[(length / np.maximum(around, 1e-300)).argmin()]
         raise MeshError(
-            f"triangle mesh: the triangles at the vertex ({xyz(place)}) mm are folded "
+            f"triangle mesh: the triangles at the vertex {coords(place)} mm are folded "
             "onto each other, like a spike: correct this vertex"
         )
     return normals / length

@@ -1,6 +1,5 @@
 """Elements in space: edges, and the elements closest to points."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -108,28 +107,6 @@ def edge_lengths(positions: ndarray, elements: ndarray) -> ndarray:
     return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
 
 
-def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
-    """Nodes of edges that belong to one element only, in its orientation, (2, n)."""
-    edges, first, count = edges_once(cells)
-    return edges[:, first[count == 1]]
-
-
-def edges_once(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray, ndarray]:
-    """Edges of elements, shape (2, n), in their orientation, element by element.
-
-    The first edges are those that begin at the first corners of the elements of the
-    first block.  Also the first occurrence of each edge in either direction, by its
-    nodes, and how often it occurs.
-    """
-    pairs = [[cell.ravel(), np.roll(cell, -1, axis=0).ravel()] for cell in cells]
-    edges = np.hstack(pairs)
-    low, high = edges.min(axis=0).astype(np.int64), edges.max(axis=0)
-    _, first, count = np.unique(
-        low * (high.max(initial=0) + 1) + high, return_index=True, return_counts=True
-    )
-    return edges, first, count
-
-
 class ElementTree:
     """Search trees for elements near points, by corners of shape (3, n_corners, n).
 
@@ -172,10 +149,10 @@ def closest_on_triangles(
     points: ndarray,
     tree: ElementTree | None = None,
 ) -> tuple[ndarray, ndarray]:
-    """Triangle of the closest point to each point in space, shape (3, n).
+    """Closest triangle to each point, (n,), and barycentric coordinates there, (3, n).
 
-    Shape (n,), and the barycentric coordinates of the closest point, (3, n).  ``tree``
-    is the search tree of the triangles if it is known.
+    Points have the shape (3, n).  ``tree`` is the search tree of the triangles, built
+    if not given.
     """
     corners = positions[:, triangles]
     tree = tree or ElementTree(corners)
@@ -195,7 +172,7 @@ def _may_be_closest(
     point: ndarray,
     triangle: ndarray,
 ) -> ndarray:
-    """Pairs of a point and a triangle that can be the closest one, shape (n_pairs,).
+    """Mask of pairs whose triangle may be the closest to its point, shape (n_pairs,).
 
     A triangle is within its radius of its centre, and in its plane.  With the height h
     of a point over the plane, and the distance τ of its foot from the centre, no point

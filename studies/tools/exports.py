@@ -15,8 +15,8 @@ from skfem_textile import drape
 from skfem_textile.drape import NetError
 from skfem_textile.io import read_surface
 from skfem_textile.mesh.checks import MeshError
+from skfem_textile.mesh.graph import boundary_edges
 from skfem_textile.surfaces.surface import onto
-from skfem_textile.surfaces.triangles import boundary_edges
 from tests.helpers import tool_shapes
 
 from ..common.running import errors_only

@@ -194,7 +194,7 @@ def test_runs_to_a_tolerance_and_errors_are_copied():
 @pytest.mark.parametrize("copied", COPIES, ids=["deepcopy", "pickle"])
 def test_exceptions_are_copied_with_their_attributes(copied):
     net = copied(drape.NetError("the threads end", AXIS, "; move it"))
-    assert str(net) == "net: the threads end at [0.0, 0.0, 1.0]; move it"
+    assert str(net) == "net: the threads end at (0, 0, 1) mm; move it"
     assert net.position.tolist() == [0.0, 0.0, 1.0]
     assert copied(OffSurfaceError("a geodesic", AXIS)).what == "a geodesic"
     assert str(copied(UserError(ValueError("no")))) == "ValueError: no"

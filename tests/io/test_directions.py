@@ -138,3 +138,10 @@ def test_draped_fibres_agree_with_the_deformed_ply(tmp_path):
     n = scene.mesh.nvertices
     moved = scene.mesh.p + ply.nodal(result.u)[:, :n]
     assert np.allclose(read_mesh(tmp_path / "fibres.inp").p, moved, atol=1e-12)
+
+
+def test_tables_of_directions_may_have_semicolons_and_decimal_commas(tmp_path):
+    rows = ["element;warp_angle_deg;weft_angle_deg", "1;22,5;112,5"]
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    warp, weft = read_directions(tmp_path / "a.csv").angles_deg()
+    assert (warp[0], weft[0]) == pytest.approx((22.5, 112.5))

@@ -226,7 +226,7 @@ CONTENTS = [
     *(
         (read_directions, "a.csv", text, message)
         for text, message in (
-            ("", "row 1: the header must name"),
+            ("", "the file is empty"),
             ("element,warp_angle_deg\n1,2\n", "row 1: the header must name"),
             (ANGLES, "no elements"),
             (f"{ANGLES}1,0\n", "row 2"),

@@ -22,7 +22,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
 from skfem_textile.solve import globalisation, newton, search
-from skfem_textile.solve.problem import InitialGuess
+from skfem_textile.solve.problem import Evaluation
 from skfem_textile.solve.search import AcceptedEquilibrium, EquilibriumSearch, Target
 from skfem_textile.solve.states import NoEquilibriumError
 
@@ -62,8 +62,8 @@ class Found(NamedTuple):
 
 def test_an_updated_state_keeps_its_difficulty(monkeypatch):
     ply = SimpleNamespace(updated=lambda p, u, t: {}, terms=())
-    start = InitialGuess(1.0, *np.zeros((3, 1)), {}, {})
-    problem = SimpleNamespace(ply=ply, start=lambda *_: start, contacts=())
+    start = Evaluation(1.0, *np.zeros((3, 1)), {}, {})
+    problem = SimpleNamespace(ply=ply, evaluation=lambda *_: start, contacts=())
     trial = SimpleNamespace(problem=problem, equilibrium=Found())
     states = iter(
         [AcceptedEquilibrium(trial, 9, False), AcceptedEquilibrium(trial, 0, False)]

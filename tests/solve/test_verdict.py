@@ -191,8 +191,8 @@ def last_step(value):
     """The trial of the only step of a run."""
     stepper = LoadStepper(*pulled(value), 1)
     replay, states = Replay(stepper.problem), stepper.run().states
-    replay.last, _ = replay.trial(states[0])
-    return replay.trial(states[1])[0]
+    replay.last, _ = replay.repeated(states[0])
+    return replay.repeated(states[1])[0]
 
 
 @pytest.mark.parametrize(("share", "fails"), [(0.009, False), (0.011, True)])

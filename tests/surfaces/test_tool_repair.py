@@ -5,8 +5,8 @@ import pytest
 
 from skfem_textile import drape
 from skfem_textile.mesh.checks import MeshError
+from skfem_textile.mesh.graph import boundary_edges
 from skfem_textile.surfaces.surface import onto
-from skfem_textile.surfaces.triangles import boundary_edges
 from tests.helpers import sphere
 from tests.helpers.tool_shapes import (
     bonnet,

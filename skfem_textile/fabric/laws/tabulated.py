@@ -149,28 +149,36 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
     """
     file = printable(Path(path))
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        return file, lines_of(Path(path).read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def lines_of(content: bytes) -> list[tuple[int, list[str]]]:
+    """Number and cells of the lines of a CSV file; see `read_lines`."""
+    try:
+        text = content.decode("utf-8-sig")
         first = next(filter(str.strip, text.splitlines()), "")
         separator = next((sign for sign in _SEPARATORS if sign in first), ",")
-        reader = csv.reader(text.splitlines(), delimiter=separator)
+        reader = csv.reader(text.splitlines(), delimiter=separator, strict=True)
         rows = [(reader.line_num, row) for row in reader]
     except (UnicodeDecodeError, csv.Error):
-        raise ValueError(f"{file}: the file is not a CSV file in UTF-8") from None
+        raise ValueError("the file is not a CSV file in UTF-8") from None
     lines = [(line, row) for line, row in rows if any(map(str.strip, row))]
     if not lines:
-        raise ValueError(f"{file}: the file is empty")
+        raise ValueError("the file is empty")
     if separator != ",":
-        lines[1:] = with_decimal_points(file, lines[1:])
-    return file, lines
+        lines[1:] = with_decimal_points(lines[1:])
+    return lines
 
 
 def with_decimal_points(
-    file: str, lines: list[tuple[int, list[str]]]
+    lines: list[tuple[int, list[str]]],
 ) -> list[tuple[int, list[str]]]:
-    """Rows of numbers of a file with decimal points instead of commas."""
+    """Rows of numbers with decimal points instead of commas."""
     marks = {mark for _, row in lines for mark in ".," if mark in "".join(row)}
     if len(marks) == 2:
-        raise ValueError(f"{file}: numbers have both decimal points and commas")
+        raise ValueError("numbers have both decimal points and commas")
     return [(line, [cell.replace(",", ".") for cell in row]) for line, row in lines]
 
 

@@ -361,7 +361,7 @@ def _resisting(fabric: Fabric) -> ndarray:
 
 
 def _tension_values(fabric: Fabric, x: KernelState) -> list[ndarray]:
-    """Tensions at the points that replace the values of the laws; none by default."""
+    """Predicted tensions from ``w["tension"]``; empty: use the law."""
     if "tension" not in x.w:
         return []
     T = np.asarray(x.w["tension"])[..., x.group.elements, :]

@@ -128,7 +128,7 @@ def _on_layers(
 
 
 def refuse_too_many(what: str, number: int) -> None:
-    """Refuse a number of elements that only repetition can give."""
+    """Refuse too many elements, as from nested clones."""
     if number > _MOST:
         raise ValueError(f"{what} has more than {_MOST} elements")
 

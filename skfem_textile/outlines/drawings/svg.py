@@ -240,7 +240,7 @@ class _Reader:
         return M
 
     def _inside(self, element: Element, view: _View) -> _View:
-        """The view of the content of an element."""
+        """Properties inherited by the children of an element."""
         own = {name: self._styles.value(element, name) for name in _INHERITED}
         inherited = {
             name: view.inherited[name] if value in ("", "inherit") else value

@@ -179,18 +179,18 @@ class LatestFactors:
     """
 
     # Weak, so that memory is freed without waiting for garbage collection of cycles.
-    _held: ref | None = None
+    _kept: ref | None = None
 
     def hold(self, factors: Any) -> None:
         """Keep these factors and discard others."""
-        held: Any = self._held() if self._held else None
-        if held is None or held is not factors:
-            if held is not None:
-                held.discard()
-            self._held = None  # in case the factorisation fails
+        kept: Any = self._kept() if self._kept else None
+        if kept is None or kept is not factors:
+            if kept is not None:
+                kept.discard()
+            self._kept = None  # in case the factorisation fails
             factors.refactorise()
             factors.factorisations += 1
-            self._held = ref(factors)
+            self._kept = ref(factors)
 
 
 class CountedPivots:

@@ -64,7 +64,8 @@ def problem_and_start(ply, surface, **which):
     """The problem at the end of growth, and the ply at rest."""
     conditions = {"on": OnSurface(surface, **which)} | SYMMETRY
     problem = problem_of(ply, conditions)
-    return problem.at(1.0), problem.start(ply.basis.zeros(), ply.parameters_at_rest)
+    at_rest = ply.basis.zeros(), ply.parameters_at_rest
+    return problem.at(1.0), problem.evaluation(*at_rest)
 
 
 def test_the_initial_guess_on_a_grown_cylinder_is_the_rolled_ply():
@@ -73,7 +74,7 @@ def test_the_initial_guess_on_a_grown_cylinder_is_the_rolled_ply():
     cylinder = drape.Cylinder(40.0, (0, 0, -40))
     problem, rest = problem_and_start(ply, cylinder)
     u = surface_predictor(problem.at(0.5), rest).u
-    half = problem.at(0.5).start(u, rest.parameters)
+    half = problem.at(0.5).evaluation(u, rest.parameters)
     exact = geodesic_u(ply, cylinder)
     assert np.abs(half.u - exact).max() > 1.0
     for start in (rest, half):

@@ -281,7 +281,7 @@ PATTERNS = [
     (rolled(circle()), 0.0, "spacing must be a positive length"),
     (rolled(circle()), np.inf, "spacing must be a positive length"),
     *(
-        (rolled(curve), None, r"crosses itself at \[.*a curve that")
+        (rolled(curve), None, r"crosses itself at \(.*a curve that")
         for curve in (
             50 + 30 * np.array([np.sin(2 * TURN + 0.01), np.sin(TURN)]),
             50 + 30 * np.array([np.sin(2 * TURN), np.sin(TURN)]),  # a point twice

@@ -1,4 +1,4 @@
-"""Contact with tools: states, and the direction that finds the nodes that touch.
+"""Contact with tools: its parameters, and Newton directions with an active set.
 
 The contact forces λ of a state are parameters, multipliers of the augmented Lagrangian
 (`ContactTerm`) with a contact as stiff as the fibres.  No state depends on that
@@ -13,7 +13,7 @@ from numpy import ndarray
 from ..ply.parameters import Frozen, PlyParameters, Values
 from ..ply.terms import STIFFNESS_OF_GAP
 from .direction import NEAR, TINY, Direction, Increment, Iterate
-from .problem import InitialGuess, Problem, Tangent
+from .problem import Evaluation, Problem, Tangent
 from .states import NoEquilibriumError
 
 #: Penetration and contact force over stiffness, relative to the size of the ply, below
@@ -33,14 +33,14 @@ _FIRST_GROWTH, _GROWTH, _DECREASE = 100.0, 8.0, 3.0
 
 
 def is_set(problem: Problem, parameters: PlyParameters) -> bool:
-    """True if the contact stiffnesses of a state have been found."""
+    """True if contact stiffnesses have been assigned."""
     return all(parameters[x.name]["stiffness"].any() for x in problem.contacts)
 
 
 def with_stiffness(
     problem: Problem, u: ndarray, parameters: PlyParameters, tension: ndarray
 ) -> PlyParameters:
-    """Parameters with contacts as stiff as fibres.
+    """Parameters with the stiffness of the fibres as contact stiffness.
 
     The stiffness is the mean over the nodes of the largest stiffness of a node, without
     contact.  Fibre tensions are arguments of `Ply.stiffness`.
@@ -63,7 +63,7 @@ def towards(
     forces: dict[str, ndarray],
     share: float,
 ) -> PlyParameters:
-    """Parameters with contact forces moved by a share of the way to other ones."""
+    """Parameters with contact forces interpolated towards ``forces`` by a share."""
 
     def moved(values: Values, force: ndarray) -> Values:
         force = values["force"] + share * (force - values["force"])
@@ -86,18 +86,18 @@ def forces(problem: Problem, parameters: PlyParameters) -> dict[str, ndarray]:
 
 
 def error(problem: Problem, u: ndarray, parameters: PlyParameters) -> float:
-    """Largest penetration, or force without contact over its stiffness, in mm."""
+    """Largest violation in mm: penetration, or force at an open gap over stiffness."""
     worst = 0.0
-    for contact in problem.contacts:
-        p = parameters[contact.name]
-        force = contact.forces(u, problem.load_factor, p)
+    for tool in problem.contacts:
+        p = parameters[tool.name]
+        force = tool.forces(u, problem.load_factor, p)
         off = np.abs(force - p["force"]) / np.maximum(p["stiffness"], TINY)
         worst = max(worst, float(off.max()))
     return worst
 
 
 def without(problem: Problem, parameters: PlyParameters) -> PlyParameters:
-    """Parameters with which tools do not touch the ply."""
+    """Parameters without contact with tools."""
     at_rest = of_tools(problem, problem.ply.parameters_at_rest)
     return Frozen({**parameters, **at_rest})
 
@@ -117,15 +117,15 @@ def resultants(
 
 
 class ActiveSet(Direction):
-    """Direction to the minimum of a model of the energy, with linearised gaps.
+    """Newton direction under contact constraints with linearised gaps.
 
-    Apart from contact the model is of second order.  The nodes that touch after the
-    increment are found by a primal–dual active set strategy (Hintermüller, Ito &
-    Kunisch 2002): each linear solve assumes those after the previous one, until they
+    The increment minimises the second-order model of the energy under these
+    constraints, by a primal–dual active set strategy (Hintermüller, Ito & Kunisch
+    2002): each linear solve uses the contact nodes after the previous one, until they
     remain the same.  A tangent that is not positive definite is shifted (Wächter &
-    Biegler 2006, algorithm IC).  It counts as projected only near the equilibrium,
-    where it shows that there are others, because increments do not follow the load
-    path.
+    Biegler 2006, algorithm IC).  A shifted tangent counts as projected only near the
+    equilibrium, where it indicates a bifurcation; elsewhere it does not, because
+    increments do not follow the load path.
 
     Parameters
     ----------
@@ -138,8 +138,8 @@ class ActiveSet(Direction):
         self._nodes = problem.ply.pattern.diagonal
         self._last_shift = 0.0
 
-    def first(self, start: InitialGuess) -> Iterate:
-        """The iterate before the first increment, with contacts as stiff as fibres."""
+    def first(self, start: Evaluation) -> Iterate:
+        """The iterate before the first increment, with a contact stiffness."""
         problem, u, p = self._problem, start.u, start.parameters
         tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
         if not is_set(problem, p):
@@ -147,13 +147,12 @@ class ActiveSet(Direction):
         return Iterate(u, problem.residual(u, p), p, tension, forces(problem, p))
 
     def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
-        """Increment to the minimum, with the contact forces there."""
+        """Increment with the contact forces after it."""
         problem, t, p = self._problem, self._problem.load_factor, at.parameters
         f, K = self._without_contact(at)
+        u, predicted = at.u, at.contact_forces
         gaps = [
-            _LinearGap(
-                x.gaps(at.u, t), x.normals(at.u, t), p[x.name], at.contact[x.name]
-            )
+            _LinearGap(x.gaps(u, t), x.normals(u, t), p[x.name], predicted[x.name])
             for x in problem.contacts
         ]
         shift = 0.0
@@ -162,40 +161,40 @@ class ActiveSet(Direction):
             for gap in gaps:
                 stiffness[self._nodes] += gap.stiffness()
                 force += gap.residual()
-            tangent, shift = self._definite(at.u, stiffness, gaps[0].kappa, shift)
-            du = tangent.increment(force, at.u, fixed_values)
+            tangent, shift = self._definite(u, stiffness, gaps[0].kappa, shift)
+            du = tangent.increment(force, u, fixed_values)
             changed = [gap.changed(problem.nodal(du)) for gap in gaps]
             if not any(changed):
                 break
         self._last_shift = shift or self._last_shift
         tangent.projected = shift > 0
-        names = [contact.name for contact in problem.contacts]
+        names = [tool.name for tool in problem.contacts]
         after = {x: gap.force for x, gap in zip(names, gaps, strict=True)}
         return Increment(du, tangent, du, after)
 
     def after(self, at: Iterate, increment: Increment) -> Iterate:
-        """The iterate after an increment, with a share of its contact forces."""
+        """The iterate after an increment, with contact forces by the same share."""
         problem, du, tangent = self._problem, increment.du, increment.tangent
         whole = float(np.linalg.norm(increment.whole))
         share = float(np.linalg.norm(du)) / max(whole, TINY)
         tension = problem.ply.geometric_tension(at.u, du, at.parameters)
         u = problem.moved(at.u, du)
-        p = towards(problem, at.parameters, increment.contact, share)
-        at = Iterate(u, problem.residual(u, p), p, tension, increment.contact)
+        p = towards(problem, at.parameters, increment.contact_forces, share)
+        at = Iterate(u, problem.residual(u, p), p, tension, increment.contact_forces)
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at
 
     def tangent(self, at: Iterate) -> None:
-        """None: it depends on the nodes that touch."""
+        """None: each increment determines it together with its active set."""
 
     def _without_contact(self, at: Iterate) -> tuple[ndarray, ndarray]:
         """Nodal forces without tools, and stiffness less λ∇²g."""
         problem, (u, f, p, tension, forces, _) = self._problem, at
         arguments = u, problem.load_factor, without(problem, p), tension
         K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
-        for contact in problem.contacts:
-            f = f - contact.residual(u, problem.load_factor, p[contact.name])
-            K = problem.curved(u, K, contact, forces[contact.name])
+        for tool in problem.contacts:
+            f = f - tool.residual(u, problem.load_factor, p[tool.name])
+            K = problem.curved(u, K, tool, forces[tool.name])
         return f, K
 
     def _definite(
@@ -237,18 +236,18 @@ class _LinearGap:
         return float(self.p["stiffness"].max())
 
     def residual(self) -> ndarray:
-        """Nodal forces −(λ − κ g) n of the nodes that touch."""
+        """Nodal forces −(λ − κ g) n of the active nodes."""
         force = np.where(self.force > 0, self.p["force"] - self.kappa * self.gap, 0.0)
         return np.ravel(-(force * self.normal).T)
 
     def stiffness(self) -> ndarray:
-        """Their derivatives κ n nᵀ, far smaller at gaps, shape (n_nodes, 3, 3)."""
+        """Contact stiffness κ n nᵀ, reduced at open gaps, shape (n_nodes, 3, 3)."""
         of_gap = np.where(np.isfinite(self.gap), STIFFNESS_OF_GAP, 0.0)
         kappa = self.kappa * np.where(self.force > 0, 1.0, of_gap)
         return np.asarray((kappa * self.normal[:, None] * self.normal).T)
 
     def changed(self, du: ndarray) -> bool:
-        """True if other nodes touch after an increment, shape (3, n_nodes)."""
+        """Update forces after an increment (3, n_nodes); True if the set changed."""
         before, gap = self.force > 0, self.gap + (self.normal * du).sum(axis=0)
         self.force = np.maximum(self.p["force"] - self.kappa * gap, 0.0)
         return not np.array_equal(before, self.force > 0)
