@@ -227,6 +227,25 @@ def test_the_package_imports_its_names_on_first_use():
     assert not loaded & {"scipy", "skfem"}
 
 
+FORMING = """
+from skfem_textile import Fabric
+from skfem_textile.scenes import Case, hemisphere_forming
+scene = hemisphere_forming(size=(2, 2), travel=1.0)
+Case(scene=scene, fabric=Fabric(10.0, 0.5, scene.warp, scene.weft), steps=1).run()
+"""
+
+#: Modules that this run does not use.
+NOT_FORMING = "scenes.shear_test surfaces.triangle_mesh surfaces.repair solve.interval"
+NOT_FORMING += " solve.checkpoint solve.conditioning nets.sheet contact.figures"
+
+
+@pytest.mark.dear("it forms a hemisphere in another process")
+def test_forming_a_hemisphere_loads_only_modules_that_it_uses():
+    modules = {x for x in loaded_by(FORMING) if x.startswith("skfem_textile")}
+    assert not modules & {f"skfem_textile.{name}" for name in NOT_FORMING.split()}
+    assert len(modules) <= 75
+
+
 HELP = """
 import contextlib
 from skfem_textile.cli.main import main

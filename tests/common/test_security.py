@@ -27,9 +27,9 @@ def test_a_checkpoint_with_a_pickled_object_is_refused(tmp_path):
     made.unlink()
     file, run = tmp_path / "run", "0" * 32
     content = np.array([Touch(made)], dtype=object)
-    checksummed.write(file, run, "run", "", {}, {"u": content})
+    checksummed.write(file, run, "run", {}, {"u": content})
     with pytest.raises(ValueError, match="pickle"):
-        checksummed.read(file, run, "")
+        checksummed.read(file, run)
     assert not made.exists()
 
 
