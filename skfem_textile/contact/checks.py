@@ -18,16 +18,16 @@ from .tool import Obstacle, ToolContact, no_reach
 # a point onto a tool, which are exact to first order.
 _FREE, _MOST = 1e-6, 20
 
-# Number of intervals in which tools push points along.  Chosen: tools pass over no
-# point if they move by less than their size in an interval.
+# Number of intervals in which tools push points along.  Tools pass over no point if
+# they move by less than their size in an interval.
 _PUSHES = 4
 
-# Number of intervals between the load factors of which contact is checked.  Chosen:
-# tools that touch the ply move through its plane, and stay beyond it for longer.
+# Number of intervals between the load factors of which contact is checked.  Tools that
+# touch the ply move through its plane, and stay beyond it for longer.
 _INTERVALS = 40
 
 # Largest deviation of a tool from its mirror image, relative to the size of the ply,
-# and to the mean edge of its triangles.  Chosen: 0.015 mm of 150 mm, above the rounding
+# and to the mean edge of its triangles.  It is 0.015 mm of 150 mm, above the rounding
 # of positions; the smooth surfaces of symmetric shapes with irregular triangles deviate
 # by 0.06 of the edge around fillets of two edges, and by 0.12 around fillets of one.
 _ASYMMETRIC, _OF_TRIANGLES = 1e-4, 0.2

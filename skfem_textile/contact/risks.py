@@ -19,8 +19,8 @@ COARSE = 30.0
 _NONE = 1e-8
 
 # Radius of curvature, relative to the size of a ply, above which the contact pressure
-# of fibres is zero.  Chosen: on a flat tool round-off corresponds to a radius of ten
-# million sizes.
+# of fibres is zero.  On a flat tool round-off corresponds to a radius of ten million
+# sizes.
 _FLAT = 1e5
 
 

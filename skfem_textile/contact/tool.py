@@ -41,7 +41,7 @@ _NO_AREA = 1e-9
 _ROUND_OFF = 1e-9
 
 # Extent of a tool relative to the size of the ply above which its unit is wrong.
-# Chosen: metres in place of millimetres are 1000.
+# Metres in place of millimetres are 1000.
 _LARGEST = 100.0
 
 # Number of intermediate positions of a node at which it may be inside a tool.

@@ -27,7 +27,7 @@ _BETWEEN = 0.5
 # Tolerance of an element edge, relative to the longest edge.
 _ON_EDGE = 1e-6
 
-# Largest coordinate in mm.  Chosen: its square is finite.
+# Largest coordinate in mm.  Its square is finite.
 _FAR = 1e100
 
 #: Largest distance of a point from the ply, relative to the longest edge.  The distance

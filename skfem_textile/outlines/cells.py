@@ -16,15 +16,15 @@ from ..fabric import Fabric, unit_vectors
 from .outline import NEAR, Outline, place
 
 #: Turn in radians from which a corner counts as one; a smaller one approximates a
-#: curve.  Chosen: a circle of 18 corners turns by 0.349.
+#: curve.  A circle of 18 corners turns by 0.349.
 CORNER = 0.35
 
-# Turn in radians below which an edge continues straight.  Chosen: far above rounding
+# Turn in radians below which an edge continues straight.  It is far above rounding
 # (2e-16 over the shortest edge, 1e-9 of the size).
 _STRAIGHT = 1e-6
 
-# Angle in radians below which a fibre runs along an edge.  Chosen: as `NEAR`.
-_ALONG = 1e-9
+# Angle in radians below which a fibre runs along an edge.
+_ALONG = NEAR
 
 # Angle in radians below which warp and weft are parallel, as in `Fabric`.
 _PARALLEL = 1e-6
@@ -37,7 +37,7 @@ _STEP = 1e-10
 CURVED_NEAR = 1e-7
 
 # Curved fibres are polylines: largest distance from the curve relative to the size, and
-# largest turn in radians from side to side.  Chosen: invisible.
+# largest turn in radians from side to side.  Both are invisible in a picture.
 _SAGITTA, _TURN = 1e-5, 0.05
 
 # Parts of a side of a polyline whose chord leaves the cell: their distance from the
@@ -47,8 +47,8 @@ _FINER = 20
 # Length of a fibre, relative to the size, beyond which it does not reach the outline.
 _LONGEST = 50.0
 
-# Points along the longer side of a cell at which fields are checked.  Chosen: 1600
-# points.
+# Points along the longer side of a cell at which fields are checked.  A square cell has
+# 1600 of them.
 _GRID = 40
 
 # Times that a square around a source of a field is divided into four.

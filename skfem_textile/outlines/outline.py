@@ -18,8 +18,8 @@ from ..mesh.user_input import printable, real_numbers
 if TYPE_CHECKING:
     from .drawings import Curve, Ring
 
-#: Distance relative to the size of an outline below which points coincide.  Chosen: far
-#: above rounding (2e-16), far below practical edges.
+#: Distance relative to the size of an outline below which points coincide.  It is far
+#: above rounding (2e-16), and far below practical edges.
 NEAR = 1e-9
 
 #: Name of the elements of a mesh outside of the regions of its outline.

@@ -19,7 +19,7 @@ from scipy.spatial import Delaunay, KDTree
 from .cells import CORNER
 from .outline import place
 
-# Distance relative to the extent below which points coincide.  Chosen: far above the
+# Distance relative to the extent below which points coincide.  It is far above the
 # error of curved fibres on the outline (1e-9).
 _NEAR = 1e-8
 
@@ -32,12 +32,12 @@ _BESIDE_OUTLINE, _OF_OUTLINE = (0.05, 0.0125, 0.003), 20.0
 # Length relative to the size by which lines end before a part that is left out.
 _TRIMMED = 0.2
 
-# Share of the size below which lines between crossings are collapsed.  Chosen: it moves
-# a line by a small part of an element.
+# Share of the size below which lines between crossings are collapsed.  A line then
+# moves by a small part of an element.
 _COLLAPSED = 0.05
 
 # Corners are kept if the turn in radians times the shorter side exceeds this share of
-# the size.  Chosen: a smaller one moves the line by a fortieth of an element.
+# the size.  A smaller one moves the line by a fortieth of an element.
 _KEPT = 0.1
 
 # Sides of the outline, relative to the size, between which its corners are kept.
@@ -51,8 +51,8 @@ _AIM = 25.0
 # an equilateral triangle of this size.
 _LARGEST = 0.8
 
-# Distance of points of the lattice to segments, relative to the size.  Chosen: below
-# the height of an equilateral triangle, 0.87.
+# Distance of points of the lattice to segments, relative to the size.  It is below the
+# height of an equilateral triangle, 0.87.
 _CLEARANCE = 0.6
 
 # Angle in degrees between lines below which their segments are divided on circles.
@@ -144,7 +144,7 @@ def triangles(
 _MOST = 1e6
 
 # Least distance of holes from each other and from the outline, relative to the size.
-# Chosen: elements in the gap are as small as it, and their number grows.
+# Elements in the gap are as small as it, and their number grows.
 _NARROWEST = 1e-3
 
 

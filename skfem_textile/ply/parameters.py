@@ -42,11 +42,11 @@ _TENSION_OVER_SHEAR, _SOFTNESS = 0.7, 80.0
 # trellis: `python -m studies formulations`.
 _C_S_OF_FIBRES, _E_D_OF_FIBRES = 1e-4, 0.5
 
-# Minimum grip.  Chosen: its value for fibres crossing at 8 degrees, which fabrics do
-# not reach.
+# Minimum grip.  It is the grip of fibres that cross at 8 degrees, which fabrics do not
+# reach.
 _LEAST_GRIP = 0.01
 
-# Ratio of shear to fibre stiffness at which their weight has decreased to 1/e.  Chosen:
+# Ratio of shear to fibre stiffness at which their weight has decreased to 1/e.  It is
 # far below the 1e-8 of the stiffest cases of the studies, so that none of them is
 # affected.
 _NO_SHEAR = 1e-11

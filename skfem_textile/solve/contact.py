@@ -21,8 +21,8 @@ from .states import NoEquilibriumError
 CLOSED = 1e-9
 
 # Maximum number of linear solves by which an increment finds the nodes that touch.
-# Chosen: with more, early iterations solve for nodes that the next ones change; with
-# one, the nodes of flat plies between two tools alternate.
+# With more, early iterations solve for nodes that the next ones change; with one, the
+# nodes of flat plies between two tools alternate.
 _MOST_SOLVES = 3
 
 # Shift of a tangent relative to the contact stiffness, with the values of Wächter &

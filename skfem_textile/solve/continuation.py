@@ -32,8 +32,8 @@ _SAME_STATE = 0.01
 #: that stay on the path are halved.
 MOST_PROJECTED = 2
 
-#: Divisor of a step in which the ply flew away.  Chosen: shorter steps seldom stop it,
-#: and each attempt is long.
+#: Divisor of a step in which the ply flew away.  Shorter steps seldom stop it, and each
+#: attempt is long.
 SHORTER_AFTER_FLIGHT = 16
 
 # Number of halvings of a requested step after which a hard step is accepted: 2⁻⁶.

@@ -35,14 +35,14 @@ _ON_SURFACE = (
 _DESCENT = 3
 
 # Maximum number of iterations between tools before and after an unstable equilibrium,
-# as a multiple of the maximum without them.  Chosen: steps of slack plies, which have
-# many wrinkled states, often take more than a hundred, and halving a step takes longer
-# than continuing.
+# as a multiple of the maximum without them.  Steps of slack plies, which have many
+# wrinkled states, often take more than a hundred, and halving a step takes longer than
+# continuing.
 _BETWEEN_TOOLS = 5
 
 # Number of increments between tools that may follow one that did not decrease the
-# energy, the last of which must have decreased it.  Chosen: with fewer, a slack ply of
-# stiff fibres takes more than twice as many solves, with more as many (`pytest
+# energy, the last of which must have decreased it.  With fewer, a slack ply of stiff
+# fibres takes more than twice as many solves, with more as many (`pytest
 # tests/contact/test_stiff_fibres.py` bounds the solves with 8).
 _WATCHED = 8
 

@@ -31,13 +31,12 @@ from .on_surface import (
 from .states import NoEquilibriumError
 
 # Sine of the angle between a normal and the directions fixed by conditions below which
-# these already fix the normal.  Chosen: far above round-off.
+# these already fix the normal.  It is far above round-off.
 _HELD_ACROSS = 1e-6
 
-# Number of steps along the geodesics that carry a ply.  Chosen: on a sphere, over a
-# quarter of its circumference, the error is 1e-3 of the radius, sufficient for an
-# initial guess; each step evaluates the surface three times, which is expensive for
-# triangles.
+# Number of steps along the geodesics that carry a ply.  On a sphere, over a quarter of
+# its circumference, the error is 1e-3 of the radius, sufficient for an initial guess;
+# each step evaluates the surface three times, which is expensive for triangles.
 _STEPS = 4
 
 

@@ -16,8 +16,8 @@ from .analytic import OfRevolution, positive_length
 # Lower bound in mm of a distance used as a divisor.
 _TINY = 1e-300
 
-# Slope of the level along the axis.  Chosen: the level on the axis of a die remains
-# above 0.7 of the radius, and on the axis of a punch below -0.6 of it.
+# Slope of the level along the axis.  The level on the axis of a die remains above 0.7
+# of the radius, and on the axis of a punch below -0.6 of it.
 _SLOPE = 0.1
 
 

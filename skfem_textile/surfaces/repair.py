@@ -9,12 +9,12 @@ from .holes import of_outer_edges, parts_of, turning
 from .sewing import Sewing, sewn
 from .triangles import edges_once
 
-# Smallest and largest extent in mm.  Chosen: squares of areas are finite and nonzero.
+# Smallest and largest extent in mm.  Squares of areas are then finite and nonzero.
 _LEAST, _LARGEST = 1e-50, 1e50
 
 # Distance of a vertex from the median of all, relative to the distance within which
-# nine of ten are, beyond which its coordinates are not sane.  Chosen: a tool of 10 m of
-# which nine tenths of the vertices are within 10 mm.
+# nine of ten are, beyond which its coordinates are not sane: a tool of 10 m
+# of which nine tenths of the vertices are within 10 mm.
 _STRAY = 1e3
 
 # Share of triangles in separate parts above which they do not meet: sewn triangles of
@@ -33,7 +33,7 @@ _STEP, _SHEAR_ERROR = 0.02, 20.0
 _WIDE, _SMALL = 0.05, 6.0
 
 # Share of edges of more than two triangles above which a tool is not a surface.
-# Chosen: slivers along a seam fold in a few places.
+# Slivers along a seam fold in a few places.
 _BRANCHES = 1e-3
 
 # Share of the area within which the orientation of a part follows most triangles;

@@ -22,8 +22,8 @@ from .curves import LISTED, Curve
 
 log = logging.getLogger(__name__)
 
-#: Distance relative to the size below which ends of lines in a file are joined.
-#: Chosen: above the rounding of coordinates with six digits.
+#: Distance relative to the size below which ends of lines in a file are joined.  It is
+#: above the rounding of coordinates with six digits.
 JOINED = 1e-5
 
 
