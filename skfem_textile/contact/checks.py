@@ -12,6 +12,7 @@ from ..ply import Ply
 from ..solve.on_surface import SurfaceError
 from ..solve.problem import OPPOSITE
 from .gaps import Pressing, pressing
+from .outline import ROUND_OFF
 from .tool import Obstacle, ToolContact, no_reach
 
 # Penetration relative to the size of the ply that is round-off, and most projections of
@@ -31,9 +32,6 @@ _INTERVALS = 40
 # of positions; the smooth surfaces of symmetric shapes with irregular triangles deviate
 # by 0.06 of the edge around fillets of two edges, and by 0.12 around fillets of one.
 _ASYMMETRIC, _OF_TRIANGLES = 1e-4, 0.2
-
-# Load normal to the ply, relative to all loads, that is round-off.
-_ROUND_OFF = 1e-9
 
 
 def check_tools(ply: Ply, moved: bool = False) -> None:
@@ -241,7 +239,7 @@ def _refuse_off(
 
 def _has_normal_load(ply: Ply) -> bool:
     load = np.abs(ply.nodal(ply.load(ply.basis.zeros(), 1.0)))
-    return bool(load[2].max() > _ROUND_OFF * load.max())
+    return bool(load[2].max() > ROUND_OFF * load.max())
 
 
 def _refuse_behind(ply: Ply, tool: ToolContact) -> None:

@@ -8,15 +8,11 @@ from numpy import ndarray
 from ..ply import Ply
 from ..solve.states import State
 from .holder import HolderPressure
-from .risks import largest_turn, pressure_of
+from .risks import NO_FORCE, largest_turn, pressure_of
 from .tool import ToolContact
 
 #: A tool, a holder that keeps a gap, or one that presses.
 Pressing: TypeAlias = ToolContact | HolderPressure
-
-# Share of the largest contact force below which a force is zero: the tolerance of
-# equilibrium.
-_NONE = 1e-8
 
 
 def contacts(ply: Ply) -> list[ToolContact]:
@@ -139,7 +135,7 @@ def nodes_in_contact(tool: Pressing, state: State) -> int:
 def _pressed(tool: Pressing, state: State) -> ndarray:
     """Nodes on which a tool or holder presses: bool, shape (n_nodes,)."""
     force = _forces(tool, state)
-    return np.asarray(force > _NONE * force.max())
+    return np.asarray(force > NO_FORCE * force.max())
 
 
 def _refuse_other(tool: Pressing, state: State) -> None:

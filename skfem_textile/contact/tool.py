@@ -28,17 +28,11 @@ from ..solve.on_surface import (
     in_axes_of_ply,
 )
 from ..surfaces.surface import Surface, place
-from .outline import crossing_edges, inside, is_flat
+from .outline import ROUND_OFF, crossing_edges, inside, is_flat
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
 #: the load factor that returns the translation, or a rotation matrix and it.
 Motion: TypeAlias = ArrayLike | Callable[[float], Any]
-
-# Share of the area of an element below which the integral of a shape function is zero.
-_NO_AREA = 1e-9
-
-# Penetration of the undeformed ply, relative to its extent, that is round-off.
-_ROUND_OFF = 1e-9
 
 # Extent of a tool relative to the size of the ply above which its unit is wrong.
 # Metres in place of millimetres are 1000.
@@ -46,9 +40,6 @@ _LARGEST = 100.0
 
 # Number of intermediate positions of a node at which it may be inside a tool.
 _INTERMEDIATE = 8
-
-# Deviation of a rotation matrix from orthogonality that is round-off.
-_ORTHOGONAL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +145,7 @@ def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
     if not np.isfinite(translation).all():
         raise ValueError(f"{what} is not finite at load factor {t:g}")
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    if not (off <= _ORTHOGONAL and np.linalg.det(rotation) > 0):
+    if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
         raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")
     return rotation, translation
 
@@ -361,12 +352,12 @@ class Obstacle:
                 "of tool and ply, or specify side=1 or side=-1"
             )
         above, below = float(distance.max()), -float(distance.min())
-        if max(above, below) <= _ROUND_OFF * size:
+        if max(above, below) <= ROUND_OFF * size:
             raise ValueError(
                 f"{self.what}: the surface is in the plane of the undeformed ply, so "
                 "that its side is not known: specify side=1 or side=-1"
             )
-        if min(above, below) > _ROUND_OFF * size:
+        if min(above, below) > ROUND_OFF * size:
             depth = np.maximum(-distance if above > below else distance, 0.0)
             node = int(depth.argmax())
             raise ValueError(
@@ -475,7 +466,7 @@ class ToolContact(ContactTerm):
         self.name, self._obstacle = name, obstacle
         self.nodes = np.arange(obstacle.X.shape[1])[None]
         self.areas = node_areas(basis)
-        self._takes_part = self.areas > _NO_AREA * self.areas.max()
+        self._takes_part = self.areas > ROUND_OFF * self.areas.max()
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
 
@@ -599,7 +590,7 @@ class ToolContact(ContactTerm):
             local = (1 - share) * before.local + share * after.local
             x = rotation @ local[:, nodes] + translation[:, None]
             depth = np.maximum(depth, -self._obstacle.gaps(x, t).gap)
-        return nodes[depth > _ROUND_OFF * np.ptp(self._obstacle.X)]
+        return nodes[depth > ROUND_OFF * np.ptp(self._obstacle.X)]
 
     def _placement(self, t: float) -> tuple[ndarray, ndarray]:
         return placement(self._obstacle.what, self._obstacle.motion, t)

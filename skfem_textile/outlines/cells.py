@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from shapely.geometry.polygon import orient
 
 from ..fabric import Fabric, unit_vectors
+from ..fabric.fabric import PARALLEL
 from .outline import NEAR, Outline, place
 
 #: Turn in radians from which a corner counts as one; a smaller one approximates a
@@ -22,12 +23,6 @@ CORNER = 0.35
 # Turn in radians below which an edge continues straight.  It is far above rounding
 # (2e-16 over the shortest edge, 1e-9 of the size).
 _STRAIGHT = 1e-6
-
-# Angle in radians below which a fibre runs along an edge.
-_ALONG = NEAR
-
-# Angle in radians below which warp and weft are parallel, as in `Fabric`.
-_PARALLEL = 1e-6
 
 # Position of a curved fibre: tolerance of a step relative to the size, far below
 # `CURVED_NEAR`.
@@ -160,7 +155,7 @@ class Cell:
         turn = np.arctan2(cross(u, v), (u * v).sum(axis=0))
         return np.where(np.abs(turn) < _STRAIGHT, 0.0, turn)
 
-    def _leads_inside(self, corner: Any, d: ndarray, least: float = _ALONG) -> ndarray:
+    def _leads_inside(self, corner: Any, d: ndarray, least: float = NEAR) -> ndarray:
         """True where a direction leads from corners into the cell.
 
         ``least`` is the least angle to the edges, negative to include directions along
@@ -179,7 +174,7 @@ class Cell:
         """True for corners at which a fibre touches the edge, shape (n,)."""
         d, every = self.fields[family].at(self.start), slice(None)
         inside = [self._leads_inside(every, v) for v in (d, -d)]
-        along = [self._leads_inside(every, v, -_ALONG) for v in (d, -d)]
+        along = [self._leads_inside(every, v, -NEAR) for v in (d, -d)]
         return (self.turn < 0) & np.any(inside, axis=0) & np.all(along, axis=0)
 
     def trace(self, family: int, p: ndarray, sign: int) -> ndarray | None:
@@ -208,7 +203,7 @@ class Cell:
         share = share.clip(0, np.hypot(*(self.end - self.start)))
         on = np.hypot(*(self.start + share * self._after - p[:, None])) <= near
         if on.any():
-            return bool((cross(self._after[:, on], d) > _ALONG).all())
+            return bool((cross(self._after[:, on], d) > NEAR).all())
         return True
 
     def _exit(
@@ -353,7 +348,7 @@ class Cell:
         inside = shapely.contains_xy(self.shape, *grid)
         points = np.hstack([grid[:, inside], self.start])
         warp, weft = (field.at(points) for field in self.fields)
-        parallel = points[:, np.abs(cross(warp, weft)) < _PARALLEL]
+        parallel = points[:, np.abs(cross(warp, weft)) < PARALLEL]
         # Twice the angle from warp to weft, independent of their orientations.
         z = ((weft[0] + 1j * weft[1]) / (warp[0] + 1j * warp[1])) ** 2
         angle = np.full(inside.shape, np.nan)

@@ -18,8 +18,9 @@ from ..mesh.user_input import printable, real_numbers
 if TYPE_CHECKING:
     from .drawings import Curve, Ring
 
-#: Distance relative to the size of an outline below which points coincide.  It is far
-#: above rounding (2e-16), and far below practical edges.
+#: Distance relative to the size of an outline below which points coincide, and angle in
+#: radians below which a fibre runs along an edge.  It is far above rounding (2e-16),
+#: and far below practical edges.
 NEAR = 1e-9
 
 #: Name of the elements of a mesh outside of the regions of its outline.
