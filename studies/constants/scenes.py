@@ -255,6 +255,29 @@ SCENES = {
             _ply(hemisphere_forming, 1e4, 0.1, 1, bending=1.0, tension=0.0, **_CUP),
             ("solve.contact", "solve.newton"),
         ),
+        Scene(
+            "heavy cantilever",
+            _ply(cantilever, 1e3, 0.5, 2, bending=1.0, size=(6, 1)),
+            ("solve.continuation", "solve.search"),
+        ),
+        Scene(
+            "large shear",
+            _ply(
+                bias_extension, 1e5, 0.5, 1, OnePoint(), size=(2, 4), shear_angle=1.45
+            ),
+            ("solve.globalisation", "solve.newton", "solve.direction"),
+        ),
+        Scene(
+            "deep cup",
+            _ply(
+                hemisphere_forming,
+                *(1e5, 0.1, 1),
+                bending=1.0,
+                tension=0.0,
+                **_CUP | {"travel": 30.0},
+            ),
+            ("solve.contact", "solve.globalisation", "solve.newton"),
+        ),
     ),
     "contact": (
         Scene(
