@@ -18,8 +18,8 @@ from .problem import Problem, Tangent
 from .states import State
 
 # Ratio of the stiffness across a motion to the load over its length, from which fibres
-# provide this stiffness.  The ratio is at most 0.3 in bias extension, 7 where fibres
-# are inclined by 20° to the motion, and at least 1000 in simple shear along fibres.
+# provide this stiffness.  Measured: at most 0.3 in bias extension, 7 where fibres are
+# inclined by 20° to the motion, and at least 1000 in simple shear along fibres.
 _INEXTENSIBLE = 10.0
 
 # Mean compression of a family, relative to G, from which reactions are uncertain: half

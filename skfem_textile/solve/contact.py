@@ -16,8 +16,8 @@ from .direction import NEAR, TINY, Direction, Increment, Iterate
 from .problem import InitialGuess, Problem, Tangent
 from .states import NoEquilibriumError
 
-#: Penetration and contact force over stiffness, relative to the size of the ply, below
-#: which contact is a constraint.
+#: Tolerance of contact: penetration, and contact force over stiffness, relative to the
+#: size of the ply, below which contact is a constraint.
 CLOSED = 1e-9
 
 # Maximum number of linear solves by which an increment finds the nodes that touch.

@@ -36,9 +36,10 @@ from .states import NoEquilibriumError
 #: direction.
 PARALLEL_ANGLE = 1e-6
 
-# Number of steps along the geodesics that carry a ply.  On a sphere, over a quarter of
-# its circumference, the error is 1e-3 of the radius, sufficient for an initial guess;
-# each step evaluates the surface three times, which is expensive for triangles.
+# Number of steps along the geodesics that carry a ply.  Measured on a sphere, over a
+# quarter of its circumference: the error is 1e-3 of the radius, sufficient for an
+# initial guess; each step evaluates the surface three times, which is expensive for
+# triangles.
 _STEPS = 4
 
 
