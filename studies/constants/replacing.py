@@ -67,7 +67,7 @@ def _times(value: float, factor: float) -> float:
 
 
 def constants(folders: tuple[str, ...]) -> Iterator[Constant]:
-    """Numeric constants of packages, in the order of files and lines."""
+    """Numeric constants of packages other than 0, in the order of files and lines."""
     root = Path(skfem_textile.__file__).parent
     for folder in folders:
         for file in sorted((root / folder).rglob("*.py")):
@@ -75,7 +75,7 @@ def constants(folders: tuple[str, ...]) -> Iterator[Constant]:
             if file.stem not in _CODES:
                 for name, meaning in _assigned(file.read_text(encoding="utf-8")):
                     constant = Constant(module.removesuffix(".__init__"), name, meaning)
-                    if _is_numeric(constant.value):
+                    if _is_numeric(constant.value) and constant.value != 0:
                         yield constant
 
 

@@ -82,7 +82,7 @@ def _ply(
 
     def run() -> Outcome:
         made = scene(**given)
-        both = {"bending": (bending, bending)} if bending else {}
+        both: dict[str, Any] = {"bending": (bending, bending)} if bending else {}
         fabric = Fabric(fibres, shear, made.warp, made.weft, **both)
         case = Case(
             scene=made, fabric=fabric, formulation=formulation or Macro(), steps=steps

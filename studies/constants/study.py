@@ -12,7 +12,7 @@ import signal
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from types import FrameType
 from typing import NamedTuple
 
@@ -59,7 +59,8 @@ def ended(scene: Scene) -> End:
         raise _TooLongError
 
     forget()
-    solves, figures, error = 0, {}, []
+    solves, error = 0, list[str]()
+    figures: Mapping[str, float] = {}
     before = signal.signal(signal.SIGPROF, too_long)
     signal.setitimer(signal.ITIMER_PROF, _LONGEST)
     try:
@@ -203,10 +204,7 @@ class Constants(Study[Case]):
     parts = (
         Part(
             "constants.csv",
-            {
-                f"{name}.md": lambda rows, name=name: effects(rows, name)
-                for name in PACKAGES
-            },
+            {f"{name}.md": partial(effects, subsystem=name) for name in PACKAGES},
         ),
     )
     shown = "× {factor}: solves × {solves}, {change} of {of}, {outcomes}"
