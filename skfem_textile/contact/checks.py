@@ -19,8 +19,8 @@ from .tool import Obstacle, ToolContact, no_reach
 # a point onto a tool, which are exact to first order.
 _FREE, _MOST = 1e-6, 20
 
-# Number of intervals in which tools push points along.  Tools pass over no point if
-# they move by less than their size in an interval.
+# Number of intervals in which tools push points along, a limit of work: tools pass over
+# no point if they move by less than their size in an interval.
 _PUSHES = 4
 
 # Number of intervals between the load factors of which contact is checked.  Tools that

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _OUTLINE = "the outline of a tool"
 
 #: Length, area, load or deviation of a rotation, relative to the largest of its kind,
-#: that is round-off: far above that of one operation, far below the sizes of a ply.
+#: that is round-off: far above one rounded operation, far below the sizes of a ply.
 ROUND_OFF = 1e-9
 
 

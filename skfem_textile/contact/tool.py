@@ -38,7 +38,8 @@ Motion: TypeAlias = ArrayLike | Callable[[float], Any]
 # Metres in place of millimetres are 1000.
 _LARGEST = 100.0
 
-# Number of intermediate positions of a node that are checked for being inside a tool.
+# Number of intermediate positions of a node that are checked for being inside a tool, a
+# limit of work.
 _INTERMEDIATE = 8
 
 

@@ -42,8 +42,8 @@ _FINER = 20
 # Length of a fibre, relative to the size, beyond which it does not reach the outline.
 _LONGEST = 50.0
 
-# Points along the longer side of a cell at which fields are checked.  A square cell has
-# 1600 of them.
+# Points along the longer side of a cell at which fields are checked, a limit of work: a
+# square cell has 1600 of them.
 _GRID = 40
 
 # Times that a square around a source of a field is divided into four.
@@ -383,7 +383,8 @@ class Cell:
         )
 
 
-# Points along each side of a square between which the turns of a field are summed up.
+# Points along each side of a square between which the turns of a field are summed up, a
+# limit of work.
 _ALONG_SIDE = 8
 
 

@@ -26,7 +26,7 @@ _MOST = 4e6
 _MOST_LINES = 1e5
 
 # Smallest gap between lines that are added so that the families meet at the sides,
-# relative to the spacing.  It bounds the smallest elements.
+# relative to the spacing: a guard against small elements.
 _NARROWEST = 0.2
 
 

@@ -29,8 +29,8 @@ from .triangles import triangles
 
 log = logging.getLogger(__name__)
 
-# Distance relative to the size of the outline up to which nodes deviate from their
-# exact positions: irregular meshes are computed on a grid of 1e-8.
+# Round-off of the positions of nodes, relative to the size of the outline: irregular
+# meshes are computed on a grid of 1e-8.
 _ROUND_OFF = 1e-7
 
 # Components of unit vectors below this are zero.  It is above the rounded cos 90°,

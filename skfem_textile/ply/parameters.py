@@ -42,8 +42,8 @@ _TENSION_OVER_SHEAR, _SOFTNESS = 0.7, 80.0
 # trellis: `python -m studies formulations`.
 _C_S_OF_FIBRES, _E_D_OF_FIBRES = 1e-4, 0.5
 
-# Guard against a zero C_s: minimum grip, that of fibres that cross at 8 degrees, which
-# fabrics do not reach.
+# Minimum grip, a guard against a zero C_s: fibres that cross at 8 degrees have it, an
+# angle that fabrics do not reach.
 _LEAST_GRIP = 0.01
 
 # Ratio of shear to fibre stiffness at which their weight has decreased to 1/e.  It is a

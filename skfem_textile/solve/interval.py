@@ -65,8 +65,8 @@ _MOST, _MOST_NUMERICAL = 1.0, 0.5
 _STEP = 1e-3
 
 # Ratio of work to energy, for a ply on a surface, above which the work is attributed to
-# a load.  Supported nodes that follow a triangulated tool do work of up to 0.2 % of the
-# energy; an edge tension does several times the energy.
+# a load.  Measured: supported nodes that follow a triangulated tool do work of up to
+# 0.2 % of the energy; an edge tension does several times the energy.
 _OF_A_LOAD = 0.01
 
 # Residual of a state, relative to its tolerance, above which it belongs to another ply:

@@ -44,8 +44,8 @@ _ROUND_OFF_OF_FORCES = 1e-3
 _FAR = 100.0
 
 #: Cosine of the angle between the normals of two tools below which they are on opposite
-#: sides of a ply.  The angle is 120°, so that the walls and the bottom of a box, which
-#: overlap beneath each other, are not.
+#: sides of a ply.  The angle, 120°, guards the walls and the bottom of a box, which
+#: overlap beneath each other.
 OPPOSITE = -0.5
 
 # Ratio of stiffnesses, times the limit for pivots, from which a pivot may be round-off

@@ -75,7 +75,7 @@ def constants(folders: tuple[str, ...]) -> Iterator[Constant]:
             if file.stem not in _CODES:
                 for name, meaning in _assigned(file.read_text(encoding="utf-8")):
                     constant = Constant(module.removesuffix(".__init__"), name, meaning)
-                    if _is_numeric(constant.value) and constant.value != 0:
+                    if _is_numeric(constant.value):
                         yield constant
 
 
@@ -100,9 +100,9 @@ def _assigned(source: str) -> Iterator[tuple[str, str]]:
 
 
 def _is_numeric(value: object) -> bool:
-    if isinstance(value, tuple):
-        return bool(value) and all(map(_is_numeric, value))
-    return isinstance(value, int | float) and not isinstance(value, bool | tuple)
+    parts = value if isinstance(value, tuple) else (value,)
+    numbers = all(isinstance(x, int | float) and type(x) is not bool for x in parts)
+    return numbers and any(parts)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from types import FrameType
 from typing import NamedTuple
 
 from ..common.running import warnings_collected
-from ..common.tables import grouped, having, markdown_table, percent
+from ..common.tables import grouped, having, markdown_table
 from ..study import Part, Row, Study
 from .replacing import Constant, constants, forget, read_by, replaced, users
 from .scenes import SCENES, Scene
@@ -36,8 +36,8 @@ FACTORS = (0.25, 0.5, 2.0, 4.0)
 # below which it is the tolerance of equilibrium.
 _LONGEST, _SAME = 12.0, 1e-6
 
-# Length of the text of an outcome.
-_LENGTH = 100
+# Length of the text of an outcome, and most lines of a table.
+_LENGTH, _LINES = 100, 30
 
 
 class _TooLongError(BaseException):
@@ -170,11 +170,14 @@ def effects(rows: Sequence[Row], subsystem: str) -> str:
             without["Without an effect"].append(f"`{name}`")
         else:
             cells = {row["factor"]: _cell(row) for row in of}
-            first = [f"`{name}`", of[0]["value"], of[0]["meaning"]]
+            meaning = of[0]["meaning"].replace("|", "\\|")
+            first = [f"`{name}`", of[0]["value"], meaning]
             lines.append([*first, *(cells.get(factor, "-") for factor in FACTORS)])
     head = ["constant", "value", "meaning", *(f"× {factor:g}" for factor in FACTORS)]
     listed = [f"{k}: {', '.join(names)}." for k, names in without.items() if names]
-    return "\n".join([markdown_table(head, lines) if lines else "", *listed]) + "\n"
+    starts = range(0, len(lines), _LINES)
+    tables = (markdown_table(head, lines[i : i + _LINES]) for i in starts)
+    return "\n".join([*tables, *(f"{text}\n" for text in listed)])
 
 
 def _cell(row: Row) -> str:
@@ -185,7 +188,8 @@ def _cell(row: Row) -> str:
     if row["solves"] != 1:
         parts.append(f"solves × {row['solves']:.2g}")
     if row["change"]:
-        parts.append(f"{percent(row['change'], '.2g')} of {row['of']}")
+        change = float(f"{100 * row['change']:.2g}")
+        parts.append(f"{change:g} % of {row['of']}")
     return ", ".join(parts).replace("|", "/")
 
 

@@ -15,7 +15,8 @@ SHORTEST = LISTED["outlines.net._SHORTEST"]
 
 def test_constants_have_their_value_and_the_first_sentence_of_their_comment():
     assert SHORTEST.value == net._SHORTEST
-    assert SHORTEST.meaning == "Edges shorter than this share of a cell are collapsed"
+    meaning = LISTED["outlines.meshing._SIZE"].meaning
+    assert meaning == "Default size of triangles relative to √area"
     assert "outlines.lines._SAMPLES" not in LISTED  # an array
 
 
