@@ -20,8 +20,8 @@ from .sheet import Sheet, SheetPoints
 _SPACING = 0.5
 
 #: Distance between neighbours in the outline, relative to the largest one on the tool,
-#: above which the ply overlaps itself.  The short diagonal of a cell sheared by 80° is
-#: 8 times as long in the flat ply.
+#: above which the ply overlaps itself.  A guard: the short diagonal of a cell sheared
+#: by 80° is 8 times as long in the flat ply.
 JUMP = 10.0
 
 # Maximum number of points of an outline.  Locating them takes a minute.

@@ -23,12 +23,13 @@ from .seams import Seams
 # the cell, also where it is as long as the radius of curvature.
 _MOST, _NEARLY = 30, 1e-7
 
-# Longest step of an iteration relative to the cell.  On a fillet with a radius of one
-# cell the tangent plane rotates by 30° over this length.
+# Longest step of an iteration relative to the cell, a guard against leaving the
+# surface: on a fillet with a radius of one cell the tangent plane rotates by 30° over
+# this length.
 _LONGEST_STEP = 0.5
 
-#: Sine of the angle between threads below which they have folded.  It is about half a
-#: degree, at which consecutive crossings become indistinguishable.
+#: Sine of the angle between threads below which they have folded: about half a degree,
+#: a guard where consecutive crossings become indistinguishable.
 FOLDED = 0.01
 
 

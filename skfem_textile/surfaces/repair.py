@@ -32,8 +32,8 @@ _STEP, _SHEAR_ERROR = 0.02, 20.0
 # (`python -m studies tools`); a hole where one triangle is missing has three edges.
 _WIDE, _SMALL = 0.05, 6.0
 
-# Share of edges of more than two triangles above which a tool is not a surface.
-# Slivers along a seam fold in a few places.
+# Share of edges of more than two triangles above which a tool is not a surface, a guard
+# against tools of crossing sheets: slivers along a seam fold in a few places.
 _BRANCHES = 1e-3
 
 # Share of the area within which the orientation of a part follows most triangles;

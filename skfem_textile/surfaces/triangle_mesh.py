@@ -17,8 +17,8 @@ from .repair import mean_edge, repaired, xyz
 from .tool_mesh import ToolMesh
 from .triangles import ElementTree, boundary_edges, closest_on_triangles
 
-# Number of positions for which values are kept: a Newton iteration returns to the last
-# state after a trial step.
+# Number of positions for which values are kept in memory: a Newton iteration returns to
+# the last state after a trial step.
 _KEPT = 2
 
 # Support radius of the weights, relative to the mean edge length.  With a smaller one,

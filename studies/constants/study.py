@@ -212,7 +212,7 @@ class Constants(Study[Case]):
         ),
     )
     shown = "× {factor}: solves × {solves}, {change} of {of}, {outcomes}"
-    sample = "solve.globalisation._ARMIJO"
+    sample = "outlines.net._SHORTEST"
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         return [
