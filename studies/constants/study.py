@@ -99,11 +99,11 @@ class Case:
 
     def rows(self) -> list[Row]:
         """A row for each factor; one without a factor if no scene reads the value."""
-        constant = self.constant
-        head = {
+        constant, value = self.constant, self.constant.value
+        head: Row = {
             "case": str(self),
             "subsystem": self.subsystem,
-            "value": str(constant.value),
+            "value": value if isinstance(value, int | float) else str(value),
             "meaning": constant.meaning,
         }
         reading = [scene for scene in SCENES[self.subsystem] if self._reads(scene)]
