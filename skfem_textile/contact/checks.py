@@ -13,27 +13,25 @@ from ..solve.on_surface import SurfaceError
 from ..solve.problem import OPPOSITE
 from .holder import Pressing, pressing
 from .obstacle import Obstacle, ToolContact, no_reach
+from .outline import ROUND_OFF
 
 # Penetration relative to the size of the ply that is round-off, and most projections of
 # a point onto a tool, which are exact to first order.
 _FREE, _MOST = 1e-6, 20
 
-# Number of intervals in which tools push points along.  Chosen: tools pass over no
-# point if they move by less than their size in an interval.
+# Number of intervals in which tools push points along, a limit of work: tools pass over
+# no point if they move by less than their size in an interval.
 _PUSHES = 4
 
-# Number of intervals between the load factors of which contact is checked.  Chosen:
-# tools that touch the ply move through its plane, and stay beyond it for longer.
+# Number of intervals between the load factors of which contact is checked.  Tools that
+# touch the ply move through its plane, and stay beyond it for longer.
 _INTERVALS = 40
 
 # Largest deviation of a tool from its mirror image, relative to the size of the ply,
-# and to the mean edge of its triangles.  Chosen: 0.015 mm of 150 mm, above the rounding
+# and to the mean edge of its triangles.  It is 0.015 mm of 150 mm, above the rounding
 # of positions; the smooth surfaces of symmetric shapes with irregular triangles deviate
 # by 0.06 of the edge around fillets of two edges, and by 0.12 around fillets of one.
 _ASYMMETRIC, _OF_TRIANGLES = 1e-4, 0.2
-
-# Load normal to the ply, relative to all loads, that is round-off.
-_ROUND_OFF = 1e-9
 
 
 def check_tools(ply: Ply, moved: bool = False) -> None:
@@ -241,7 +239,7 @@ def _refuse_off(
 
 def _has_normal_load(ply: Ply) -> bool:
     load = np.abs(ply.nodal(ply.load(ply.basis.zeros(), 1.0)))
-    return bool(load[2].max() > _ROUND_OFF * load.max())
+    return bool(load[2].max() > ROUND_OFF * load.max())
 
 
 def _refuse_behind(ply: Ply, tool: ToolContact) -> None:

@@ -130,7 +130,7 @@ def mirror_images(ply: Ply) -> int:
     return {0: 1, 1: 2, 2: 4}.get(len(names), 0)
 
 
-# Cosine of the angle between two planes above which they are not at right angles.
+# Cosine of the angle between two planes that is round-off: they are at right angles.
 _ACROSS = 1e-6
 
 

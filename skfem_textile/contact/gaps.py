@@ -9,11 +9,7 @@ from ..ply import Ply
 from ..solve.states import State
 from .holder import Pressing
 from .obstacle import ToolContact
-from .risks import largest_turn, pressure_of
-
-# Share of the largest contact force below which a force is zero: the tolerance of
-# equilibrium.
-_NONE = 1e-8
+from .risks import NO_FORCE, largest_turn, pressure_of
 
 
 class SmallestGap(NamedTuple):
@@ -121,7 +117,7 @@ def nodes_in_contact(tool: Pressing, state: State) -> int:
 def _in_contact(tool: Pressing, state: State) -> ndarray:
     """Nodes on which a tool or holder presses: bool, shape (n_nodes,)."""
     force = _forces(tool, state)
-    return np.asarray(force > _NONE * force.max())
+    return np.asarray(force > NO_FORCE * force.max())
 
 
 def _refuse_other(tool: Pressing, state: State) -> None:

@@ -27,26 +27,19 @@ from ..solve.on_surface import (
     check_surface,
 )
 from ..surfaces.surface import Surface
+from .outline import ROUND_OFF, crossing_edges, inside, is_flat
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
 #: the load factor that returns the translation, or a rotation matrix and it.
 Motion: TypeAlias = ArrayLike | Callable[[float], Any]
 
-# Share of the area of an element below which the integral of a shape function is zero.
-_NO_AREA = 1e-9
-
-# Penetration of the undeformed ply, relative to its extent, that is round-off.
-_ROUND_OFF = 1e-9
-
 # Extent of a tool relative to the size of the ply above which its unit is wrong.
-# Chosen: metres in place of millimetres are 1000.
+# Metres in place of millimetres are 1000.
 _LARGEST = 100.0
 
-# Number of intermediate positions of a node at which it may be inside a tool.
+# Number of intermediate positions of a node that are checked for being inside a tool, a
+# limit of work.
 _INTERMEDIATE = 8
-
-# Deviation of a rotation matrix from orthogonality that is round-off.
-_ORTHOGONAL = 1e-9
 
 
 def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndarray]:
@@ -84,7 +77,7 @@ def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
     if not np.isfinite(translation).all():
         raise ValueError(f"{what} is not finite at load factor {t:g}")
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    if not (off <= _ORTHOGONAL and np.linalg.det(rotation) > 0):
+    if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
         raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")
     return rotation, translation
 
@@ -273,8 +266,6 @@ class Obstacle:
         """True for points that the tool may touch."""
         within = np.ones(x.shape[1], dtype=bool)
         if self.outline is not None:
-            from .outline import inside
-
             within &= inside(self.outline, x[:2])
         beyond = getattr(self.surface, "beyond_edges", None)
         if beyond is not None and within.any():
@@ -293,12 +284,12 @@ class Obstacle:
                 "of tool and ply, or specify side=1 or side=-1"
             )
         above, below = float(distance.max()), -float(distance.min())
-        if max(above, below) <= _ROUND_OFF * size:
+        if max(above, below) <= ROUND_OFF * size:
             raise ValueError(
                 f"{self.what}: the surface is in the plane of the undeformed ply, so "
                 "that its side is not known: specify side=1 or side=-1"
             )
-        if min(above, below) > _ROUND_OFF * size:
+        if min(above, below) > ROUND_OFF * size:
             depth = np.maximum(-distance if above > below else distance, 0.0)
             node = int(depth.argmax())
             raise ValueError(
@@ -353,8 +344,6 @@ def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
         )
     if not np.isfinite(corners).all():
         raise ValueError(f"{what}: outline must be finite")
-    from .outline import crossing_edges, is_flat
-
     if (crossing := crossing_edges(corners)) is not None:
         first, second = (f"from corner {i}" for i in crossing)
         raise ValueError(f"{what}: the edges of the outline {first} and {second} cross")
@@ -409,7 +398,7 @@ class ToolContact(ContactTerm):
         self.name, self._obstacle = name, obstacle
         self.nodes = np.arange(obstacle.X.shape[1])[None]
         self.areas = node_areas(basis)
-        self._takes_part = self.areas > _NO_AREA * self.areas.max()
+        self._takes_part = self.areas > ROUND_OFF * self.areas.max()
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
 
@@ -519,7 +508,7 @@ class ToolContact(ContactTerm):
             local = (1 - share) * before.local + share * after.local
             x = rotation @ local[:, nodes] + translation[:, None]
             depth = np.maximum(depth, -self._obstacle.gaps(x, t).gap)
-        return nodes[depth > _ROUND_OFF * np.ptp(self._obstacle.X)]
+        return nodes[depth > ROUND_OFF * np.ptp(self._obstacle.X)]
 
     def _placement(self, t: float) -> tuple[ndarray, ndarray]:
         return placement(self._obstacle.what, self._obstacle.motion, t)

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 # Ability that requires shapely.
 _OUTLINE = "the outline of a tool"
 
-# Distance of points of an outline, relative to its extent, that is round-off.
-_ROUND_OFF = 1e-9
+#: Length, area, load or deviation of a rotation, relative to the largest of its kind,
+#: that is round-off: far above one rounded operation, far below the sizes of a ply.
+ROUND_OFF = 1e-9
 
 
 def inside(corners: ndarray, x: ndarray) -> ndarray:
@@ -58,7 +59,7 @@ def region(corners: ndarray) -> "Geometry":
 
 def is_flat(corners: ndarray) -> bool:
     """True if a polygon encloses no area."""
-    return bool(region(corners).area <= _ROUND_OFF * np.ptp(corners, axis=1).max() ** 2)
+    return bool(region(corners).area <= ROUND_OFF * np.ptp(corners, axis=1).max() ** 2)
 
 
 def crossing_edges(corners: ndarray) -> tuple[int, int] | None:
@@ -75,7 +76,7 @@ def crossing_edges(corners: ndarray) -> tuple[int, int] | None:
 
 def _rounded(corners: ndarray) -> ndarray:
     """Corners without round-off, so that edges followed twice coincide."""
-    unit = _ROUND_OFF * np.ptp(corners, axis=1).max()
+    unit = ROUND_OFF * np.ptp(corners, axis=1).max()
     return np.round(corners / unit) * unit if unit else corners
 
 
@@ -104,7 +105,7 @@ def shares_inside(corners: ndarray, mesh: Mesh, x: ndarray) -> ndarray:
     shares = shapely.contains_properly(within, triangles).astype(float)
     crossed = shapely.intersects(within, triangles) & (shares == 0.0)
     whole = shapely.area(triangles)
-    flat = crossed & (whole <= _ROUND_OFF * whole.max())
+    flat = crossed & (whole <= ROUND_OFF * whole.max())
     shares[flat] = shapely.contains(within, shapely.centroid(triangles[flat]))
     crossed &= ~flat
     parts = shapely.intersection(within, triangles[crossed])

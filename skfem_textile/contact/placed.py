@@ -15,8 +15,9 @@ from .holder import contacts
 from .obstacle import ToolContact, placement
 from .outline import inside, nearest
 
-# Chosen by eye: margin around a ply relative to the diagonal of its box, and number of
-# cubes along the longest side of the box in which surfaces are triangulated.
+# Margin around a ply relative to the diagonal of its box, and number of cubes along the
+# longest side of the box in which surfaces are triangulated.  Only pictures and files
+# of tools depend on them.
 _BEYOND, _CUBES = 0.08, 32
 
 

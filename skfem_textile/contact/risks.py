@@ -14,13 +14,13 @@ from ..surfaces.surface import GrowingSurface, Surface
 #: tests/scenes/drape/test_between_nodes.py` has one of each).
 COARSE = 30.0
 
-# Share of the largest tension below which a tension is zero: the tolerance of
-# equilibrium.
-_NONE = 1e-8
+#: Share of the largest tension or contact force below which one is zero: the tolerance
+#: of equilibrium.
+NO_FORCE = 1e-8
 
 # Radius of curvature, relative to the size of a ply, above which the contact pressure
-# of fibres is zero.  Chosen: on a flat tool round-off corresponds to a radius of ten
-# million sizes.
+# of fibres is zero.  On a flat tool round-off corresponds to a radius of ten million
+# sizes.
 _FLAT = 1e5
 
 
@@ -230,6 +230,6 @@ def _distance_to_buckling(
     mean = (tension * weight).sum(axis=-1) / weight.sum(axis=-1)
     sheared, fabric = np.abs(ply.shear_angle(u)).max(axis=1), ply.fabric.at()
     stiffness = fabric.shear_law.tangent(np.zeros((len(sheared), 1)))[:, 0]
-    none = _NONE * np.abs(mean).max(initial=0.0)
+    none = NO_FORCE * np.abs(mean).max(initial=0.0)
     stands = np.where(sheared > fabric.wrinkling_angle, none, stiffness)
     return np.asarray((mean + stands).min(axis=0))  # NaN where a tension is

@@ -7,9 +7,7 @@ from numpy import ndarray
 
 from ..fabric import kinematics as kin
 from ..ply import Ply
-
-# Length relative to the size of the ply that is round-off.
-_ROUND_OFF = 1e-9
+from .outline import ROUND_OFF
 
 
 class DrawIn(NamedTuple):
@@ -48,7 +46,7 @@ class DrawIn(NamedTuple):
         share = a / (a - b)
         begin, end = np.einsum("i,ijn->jn", ray, ends[..., crossed])
         far = begin + share * (end - begin)
-        if not (far > _ROUND_OFF * np.ptp(self.x)).any():
+        if not (far > ROUND_OFF * np.ptp(self.x)).any():
             return None
         last = int(far.argmax())
         one, other = self.inwards[self.edges[:, crossed[last]]]
@@ -93,7 +91,7 @@ def draw_in(ply: Ply, u: ndarray) -> DrawIn:
     moved = ply.nodal(u)[:2]
     across = np.einsum("ikn,in->kn", moved[:, on_edges], normal)
     size = float(np.ptp(ply.nodes, axis=1).max())
-    normal = normal * (np.abs(across).max(axis=0) > _ROUND_OFF * size)
+    normal = normal * (np.abs(across).max(axis=0) > ROUND_OFF * size)
     inwards = np.zeros_like(ply.nodes)
     for nodes in on_edges:
         np.add.at(inwards.T, nodes, normal.T)

@@ -39,8 +39,8 @@ class PiecewiseDirections(Protocol):
 
 Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | PiecewiseDirections
 
-# Angle in radians below which two fibre families are parallel.
-_PARALLEL = 1e-6
+#: Angle in radians below which two fibre families are parallel.
+PARALLEL = 1e-6
 
 #: A number, such as a bending stiffness, or one per element.
 ByElement: TypeAlias = float | ndarray
@@ -239,7 +239,7 @@ class Fabric:
             unit_vectors(f.name, given.get(f.name, f.direction), x, element)
             for f in self.families
         )
-        if np.any(np.abs(A1[0] * A2[1] - A1[1] * A2[0]) < _PARALLEL):
+        if np.any(np.abs(A1[0] * A2[1] - A1[1] * A2[0]) < PARALLEL):
             raise ValueError("warp and weft are parallel: they must cross at an angle")
         return A1, A2
 

@@ -246,8 +246,8 @@ def _weights(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
 
 # σ relative to the smallest interior penalty with which the energy is positive on every
 # mesh: ¾ |f| (1/|K⁺| + 1/|K⁻|) inside and 3 |f|/|K| on the boundary, as a triangle has
-# three edges.  Chosen: with a larger value plates are stiffer; with a smaller one
-# coarse cantilevers take more steps.
+# three edges.  With a larger value plates are stiffer; with a smaller one coarse
+# cantilevers take more steps.
 _JUMPS = 0.2
 
 

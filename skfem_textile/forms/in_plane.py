@@ -287,13 +287,13 @@ def _jump(x: ndarray) -> ndarray:
     return np.repeat(x[..., :1] - x[..., 1:], 2, axis=-1)
 
 
-#: J₀, the area ratio det F below which a corner resists.  Chosen: inextensible
-#: orthogonal fibres reach it at a shear angle of 85.4° (cos 85.4° = 0.08), beyond the
-#: locking angles of fabrics.
+#: J₀, the area ratio det F below which a corner resists.  Inextensible orthogonal
+#: fibres reach it at a shear angle of 85.4° (cos 85.4° = 0.08), beyond the locking
+#: angles of fabrics.
 RESISTING = 0.08
 
-# J₁, the area ratio below which b is a parabola.  Chosen: b″ is 3·10⁴ there, compared
-# with 1 for a shear law (docs/theory/plane.md).
+# J₁, the area ratio below which b is a parabola.  There b″ is 3·10⁴, compared with 1
+# for a shear law (docs/theory/plane.md).
 _PARABOLA = RESISTING / 4
 
 

@@ -14,11 +14,10 @@ from numpy import ndarray
 from ..surfaces.triangle_mesh import TriangleMesh
 from ..surfaces.triangles import unit
 from .crossings import Net
-from .laying import Status, crossing, straight
+from .laying import QUADRANTS, Status, crossing, straight
 from .seams import Seams
 
-# Steps from the opposite corner of a cell to a missing one, and along threads.
-_STEPS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+# Steps along threads.
 _ALONG = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
 # Angle in radians between rods of a geodesic above which it goes on later, if it is
@@ -292,7 +291,7 @@ def _missing(laid: ndarray, open_: ndarray) -> ndarray:
     """
     i, j = np.nonzero(open_)
     found = []
-    for di, dj in _STEPS:
+    for di, dj in QUADRANTS:
         a, b = i - di, j - dj
         inside = (a >= 0) & (b >= 0) & (a < laid.shape[0]) & (b < laid.shape[1])
         p, q, a, b = i[inside], j[inside], a[inside], b[inside]

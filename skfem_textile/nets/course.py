@@ -23,7 +23,7 @@ from .laying import Status
 from .sheet import Sheet
 
 # Number of bisections between the last crossing on the tool and the next one beyond its
-# edge: a millionth of a cell.
+# edge, to a tolerance of a millionth of a cell.
 _BISECTIONS = 20
 
 # Rounding of distances, relative to a cell: edges of tools have single precision.

@@ -18,7 +18,7 @@ from .sheet import REACH, Sheet
 _NORMAL_DEG = 0.1
 
 # Angle in degrees between an element and the ply above which it is a wall normal to it.
-# Chosen: coarse tools of curved parts stay below it.
+# Coarse tools of curved parts stay below it.
 _STEEPEST_DEG = 60.0
 
 

@@ -15,20 +15,20 @@ from ..surfaces.analytic import positive_length
 from ..surfaces.tool_mesh import curve_length
 from .sheet import Sheet, SheetPoints
 
-# Spacing of points added to a curve, relative to the longest edge of the ply.  Chosen:
-# the pattern has kinks only at nodes of the ply.
+# Spacing of points added to a curve, relative to the longest edge of the ply.  The
+# pattern then has kinks only at nodes of the ply.
 _SPACING = 0.5
 
 #: Distance between neighbours in the outline, relative to the largest one on the tool,
-#: above which the ply overlaps itself.  Chosen: the short diagonal of a cell sheared by
-#: 80° is 8 times as long in the flat ply.
+#: above which the ply overlaps itself.  A guard: the short diagonal of a cell sheared
+#: by 80° is 8 times as long in the flat ply.
 JUMP = 10.0
 
-# Maximum number of points of an outline.  Chosen: locating them takes a minute.
+# Maximum number of points of an outline.  Locating them takes a minute.
 _MOST = 1_000_000
 
-# Area over squared length below which an outline encloses no area.  Chosen: far below
-# any strip, and above rounding.
+# Area over squared length below which an outline encloses no area.  It is far below any
+# strip, and above rounding.
 _NOTHING = 1e-9
 
 

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from ..mesh.user_input import coords, real_numbers
 
-# Angle in degrees between two edges of an outline that meet at a corner.  Chosen:
-# outlines of round parts have at least twenty edges.
+# Angle in degrees between two edges of an outline that meet at a corner.  Outlines of
+# round parts have at least twenty edges.
 _CORNER_DEG = 30.0
 
 

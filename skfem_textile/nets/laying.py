@@ -22,16 +22,17 @@ if TYPE_CHECKING:
     from .seams import Seams
 
 # Maximum number of Newton iterations for a crossing, and last step relative to the
-# cell.  Chosen: convergence is quadratic, so that the error after this step is below
-# 1e-11 of the cell, also where it is as long as the radius of curvature.
+# cell.  Convergence is quadratic, so that the error after this step is below 1e-11 of
+# the cell, also where it is as long as the radius of curvature.
 _MOST, _NEARLY = 30, 1e-7
 
-# Longest step of an iteration relative to the cell.  Chosen: on a fillet with a radius
-# of one cell the tangent plane rotates by 30° over this length.
+# Longest step of an iteration relative to the cell, a guard against leaving the
+# surface: on a fillet with a radius of one cell the tangent plane rotates by 30° over
+# this length.
 _LONGEST_STEP = 0.5
 
-#: Sine of the angle between threads below which they have folded.  Chosen: about half a
-#: degree, at which consecutive crossings become indistinguishable.
+#: Sine of the angle between threads below which they have folded: about half a degree,
+#: a guard where consecutive crossings become indistinguishable.
 FOLDED = 0.01
 
 

@@ -12,8 +12,8 @@ from ..surfaces.triangle_mesh import TriangleMesh
 from ..surfaces.triangles import unit
 
 # Radius of a disc relative to the length of a seam, at least a cell, and the Gauss
-# curvature of a disc in radians above which it is concentrated there.  Chosen: the
-# shear that a net would carry along the seam, 11°, and above the noise of triangles.
+# curvature of a disc in radians above which it is concentrated there.  It is the shear
+# that a net would carry along the seam, 11°, above the noise of triangles.
 _DISC, _CONCENTRATED = 0.05, 0.2
 
 # Distance of concentrated curvature from the seam up to which it belongs to the seam,

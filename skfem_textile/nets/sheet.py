@@ -27,11 +27,12 @@ _BETWEEN = 0.5
 # Tolerance of an element edge, relative to the longest edge.
 _ON_EDGE = 1e-6
 
-# Largest coordinate in mm.  Chosen: its square is finite.
+# Largest coordinate in mm.  Its square is finite.
 _FAR = 1e100
 
-#: Largest distance of a point from the ply, relative to the longest edge.  The distance
-#: of an arc of 90° from its chord is 0.21 of the chord.
+#: Largest distance of a point from the ply, relative to the longest edge, a guard
+#: against points off it: the distance of an arc of 90° from its chord is 0.21 of the
+#: chord.
 REACH = 0.25
 
 

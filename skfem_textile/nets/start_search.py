@@ -18,8 +18,8 @@ from .kinematic_net import NetStart, nets
 #: Measure of the shear over a part.
 Measure: TypeAlias = Literal["largest", "mean"]
 
-# Maximum number of points of the part at which shear angles are compared.  Chosen: the
-# largest angle of a smooth net changes by less than 0.1° with twice as many.
+# Maximum number of points of the part at which shear angles are compared.  The largest
+# angle of a smooth net changes by less than 0.1° with twice as many.
 _POINTS = 2000
 
 # Distance of a point from the nearest centre of a cell, relative to the cell, above

@@ -18,7 +18,7 @@ from ..mesh.selection import SINGULAR
 from .cells import cross
 
 # Angle in radians between an edge and a fibre at its ends above which the edge does not
-# follow the fibre.  Chosen: edges of the default size turn by 0.02.
+# follow the fibre.  Edges of the default size turn by 0.02.
 _MOST = 0.25
 
 

@@ -13,23 +13,18 @@ from scipy.optimize import brentq
 from shapely.geometry.polygon import orient
 
 from ..fabric import Fabric, unit_vectors
+from ..fabric.fabric import PARALLEL
 from ..mesh.user_input import coords
 from .outline import Outline
 from .rings import NEAR
 
 #: Turn in radians from which a corner counts as one; a smaller one approximates a
-#: curve.  Chosen: a circle of 18 corners turns by 0.349.
+#: curve.  A circle of 18 corners turns by 0.349.
 CORNER = 0.35
 
-# Turn in radians below which an edge continues straight.  Chosen: far above rounding
+# Turn in radians below which an edge continues straight.  It is far above rounding
 # (2e-16 over the shortest edge, 1e-9 of the size).
 _STRAIGHT = 1e-6
-
-# Angle in radians below which a fibre runs along an edge.  Chosen: as `NEAR`.
-_ALONG = 1e-9
-
-# Angle in radians below which warp and weft are parallel, as in `Fabric`.
-_PARALLEL = 1e-6
 
 # Position of a curved fibre: tolerance of a step relative to the size, far below
 # `CURVED_NEAR`.
@@ -39,7 +34,7 @@ _STEP = 1e-10
 CURVED_NEAR = 1e-7
 
 # Curved fibres are polylines: largest distance from the curve relative to the size, and
-# largest turn in radians from side to side.  Chosen: invisible.
+# largest turn in radians from side to side.  Both are invisible in a picture.
 _SAGITTA, _TURN = 1e-5, 0.05
 
 # Parts of a side of a polyline whose chord leaves the cell: their distance from the
@@ -49,8 +44,8 @@ _FINER = 20
 # Length of a fibre, relative to the size, beyond which it does not reach the outline.
 _LONGEST = 50.0
 
-# Points along the longer side of a cell at which fields are checked.  Chosen: 1600
-# points.
+# Points along the longer side of a cell at which fields are checked, a limit of work: a
+# square cell has 1600 of them.
 _GRID = 40
 
 # Times that a square around a source of a field is divided into four.
@@ -162,7 +157,7 @@ class Cell:
         turn = np.arctan2(cross(u, v), (u * v).sum(axis=0))
         return np.where(np.abs(turn) < _STRAIGHT, 0.0, turn)
 
-    def _leads_inside(self, corner: Any, d: ndarray, least: float = _ALONG) -> ndarray:
+    def _leads_inside(self, corner: Any, d: ndarray, least: float = NEAR) -> ndarray:
         """True where a direction leads from corners into the cell.
 
         ``least`` is the least angle to the edges, negative to include directions along
@@ -181,7 +176,7 @@ class Cell:
         """True for corners at which a fibre touches the edge, shape (n,)."""
         d, every = self.fields[family].at(self.start), slice(None)
         inside = [self._leads_inside(every, v) for v in (d, -d)]
-        along = [self._leads_inside(every, v, -_ALONG) for v in (d, -d)]
+        along = [self._leads_inside(every, v, -NEAR) for v in (d, -d)]
         return (self.turn < 0) & np.any(inside, axis=0) & np.all(along, axis=0)
 
     def trace(self, family: int, p: ndarray, sign: int) -> ndarray | None:
@@ -210,7 +205,7 @@ class Cell:
         share = share.clip(0, np.hypot(*(self.end - self.start)))
         on = np.hypot(*(self.start + share * self._after - p[:, None])) <= near
         if on.any():
-            return bool((cross(self._after[:, on], d) > _ALONG).all())
+            return bool((cross(self._after[:, on], d) > NEAR).all())
         return True
 
     def _exit(
@@ -355,7 +350,7 @@ class Cell:
         inside = shapely.contains_xy(self.shape, *grid)
         points = np.hstack([grid[:, inside], self.start])
         warp, weft = (field.at(points) for field in self.fields)
-        parallel = points[:, np.abs(cross(warp, weft)) < _PARALLEL]
+        parallel = points[:, np.abs(cross(warp, weft)) < PARALLEL]
         # Twice the angle from warp to weft, independent of their orientations.
         z = ((weft[0] + 1j * weft[1]) / (warp[0] + 1j * warp[1])) ** 2
         angle = np.full(inside.shape, np.nan)
@@ -390,7 +385,8 @@ class Cell:
         )
 
 
-# Points along each side of a square between which the turns of a field are summed up.
+# Points along each side of a square between which the turns of a field are summed up, a
+# limit of work.
 _ALONG_SIDE = 8
 
 

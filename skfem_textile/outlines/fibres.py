@@ -33,7 +33,7 @@ from .seeds import Seed, seeds_of_conditions, seeds_of_corners
 MOST_LINES = 100_000
 
 #: Default of the least distance between reflections and other fibres, relative to the
-#: length √area.  Chosen: finer than practical elements.
+#: length √area.  It is finer than practical elements.
 FINEST = 1e-3
 
 

@@ -32,19 +32,19 @@ from .outline import Outline
 log = logging.getLogger(__name__)
 
 # Distance from a fibre, as a share of the shortest edge at a node, below which the node
-# belongs to it.  Chosen: smaller leaves slivers, larger turns elements over.
+# belongs to it.  A smaller share leaves slivers, a larger one turns elements over.
 _SHARE = 0.35
 
 # Share of the area of an element, or of a corner of a quadrilateral, that remains when
-# nodes move.  Chosen: angles of a few degrees at worst.
+# nodes move.  Angles are then a few degrees at worst.
 _LEFT = 0.3
 
 # Length relative to the size of the outline by which fibres are extended, so that they
 # cross it, and below which a node is on a fibre: coordinates in files are rounded.
 _BEYOND = 1e-6
 
-# Share of the length of a fibre above which a part without edges is reported.
-# Chosen: far above the difference between a curved fibre and its chords.
+# Share of the length of a fibre above which a part without edges is reported.  It is
+# far above the difference between a curved fibre and its chords.
 _MISSED = 0.01
 
 # Angle in degrees below which the smallest angle is reported.

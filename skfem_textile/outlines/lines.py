@@ -19,14 +19,14 @@ from .rings import NEAR
 
 log = logging.getLogger(__name__)
 
-# Maximum number of cells of equally spaced lines.  Chosen: they take half a minute.
+# Maximum number of cells of equally spaced lines.  They take half a minute.
 _MOST = 4e6
 
 # Largest number of graded lines between two given ones: a bound on the memory.
 _MOST_LINES = 1e5
 
 # Smallest gap between lines that are added so that the families meet at the sides,
-# relative to the spacing.  Chosen: it bounds the smallest elements.
+# relative to the spacing: a guard against small elements.
 _NARROWEST = 0.2
 
 

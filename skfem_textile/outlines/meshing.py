@@ -26,20 +26,21 @@ from .triangles import triangles
 
 log = logging.getLogger(__name__)
 
-# Distance relative to the size of the outline up to which nodes deviate from their
-# exact positions: irregular meshes are computed on a grid of 1e-8.
+# Round-off of the positions of nodes, relative to the size of the outline: irregular
+# meshes are computed on a grid of 1e-8.
 _ROUND_OFF = 1e-7
 
-# Components of unit vectors below this are zero.  Chosen: above cos 90°, 6e-17.
+# Components of unit vectors below this are zero.  It is above the rounded cos 90°,
+# 6e-17.
 _ROUNDING = 1e-15
 
-# Maximum number of triangles of a net.  Chosen: it takes about a minute.
+# Maximum number of triangles of a net.  They take about a minute.
 _MOST = 1e6
 
 # Default size of triangles relative to √area.
 _SIZE = 1 / 16
 
-#: Least distance of reflections relative to the size of triangles.  Chosen with
+#: Least distance of reflections relative to the size of triangles.  Compared by
 #: `python -m studies singular_fibres --case "finest*"`.
 FINEST = 0.5
 
@@ -47,11 +48,12 @@ FINEST = 0.5
 _AIM = 0.005
 
 # Largest distance of lines relative to √area, and its growth from line to line away
-# from singular fibres.  Chosen: `python -m studies singular_fibres --case "chosen *"`.
+# from singular fibres.  Compared by
+# `python -m studies singular_fibres --case "chosen *"`.
 _LARGEST, _GROWTH = 0.15, 2.0
 
 # Distance from other lines, relative to the largest distance, below which a weak line
-# is left out.  Chosen with the same cases.
+# is left out.  Compared by the same cases of `python -m studies singular_fibres`.
 _WEAK = 0.5
 
 

@@ -14,8 +14,8 @@ from scipy.spatial import KDTree
 from .lines import Lines, nearest
 from .rings import NEAR
 
-# Edges shorter than this share of a cell are collapsed.  Chosen: it bounds the
-# distortion of the neighbours.
+# Edges shorter than this share of a cell are collapsed, a guard against slivers: it
+# bounds the distortion of the neighbours.
 _SHORTEST = 0.25
 
 # Area of a triangle relative to its cell below which a collapse is not accepted, unless

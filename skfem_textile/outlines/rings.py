@@ -19,12 +19,13 @@ from .drawings.curves import LISTED, Curve
 
 log = logging.getLogger(__name__)
 
-#: Distance relative to the size of an outline below which points coincide.  Chosen: far
-#: above rounding (2e-16), far below practical edges.
+#: Distance relative to the size of an outline below which points coincide, and angle in
+#: radians below which a fibre runs along an edge.  It is far above rounding (2e-16),
+#: and far below practical edges.
 NEAR = 1e-9
 
-#: Distance relative to the size below which ends of lines in a file are joined.
-#: Chosen: above the rounding of coordinates with six digits.
+#: Distance relative to the size below which ends of lines in a file are joined.  It is
+#: above the rounding of coordinates with six digits.
 JOINED = 1e-5
 
 

@@ -25,8 +25,9 @@ from .rings import NEAR
 # Intervals of each edge between whose ends functions of position are evaluated.
 _INTERVALS = 256
 
-# Part of an edge at a corner that counts as the corner, relative to the edge: functions
-# such as x > 100 - 1e-3 also select a little of the adjacent edges.
+# Part of an edge at a corner that counts as the corner, relative to the edge: a guard
+# against functions such as x > 100 - 1e-3, which also select a little of the adjacent
+# edges.
 _AT_CORNER = 1e-3
 
 # Intervals of an edge between which kinks of a prescribed motion are sought.  A kink

@@ -19,25 +19,27 @@ from scipy.spatial import Delaunay, KDTree
 from ..mesh.user_input import coords
 from .cells import CORNER
 
-# Distance relative to the extent below which points coincide.  Chosen: far above the
+# Distance relative to the extent below which points coincide.  It is far above the
 # error of curved fibres on the outline (1e-9).
 _NEAR = 1e-8
 
-# Lines that run within a distance of others or the outline for more than a multiple of
-# it are left out there: distances relative to the size, and multiples.  They have an
-# angle of less than 10 degrees with another line and 3 degrees with the outline.
+# A guard against slivers: lines that run within a distance of others or the outline for
+# more than a multiple of it are left out there: distances relative to the size, and
+# multiples.  They have an angle of less than 10 degrees with another line and 3 degrees
+# with the outline.
 _BESIDE_LINE, _OF_LINE = (0.2, 0.05, 0.0125), 6.0
 _BESIDE_OUTLINE, _OF_OUTLINE = (0.05, 0.0125, 0.003), 20.0
 
 # Length relative to the size by which lines end before a part that is left out.
 _TRIMMED = 0.2
 
-# Share of the size below which lines between crossings are collapsed.  Chosen: it moves
-# a line by a small part of an element.
+# Share of the size below which lines between crossings are collapsed, a guard against
+# slivers: a line then moves by a small part of an element.
 _COLLAPSED = 0.05
 
 # Corners are kept if the turn in radians times the shorter side exceeds this share of
-# the size.  Chosen: a smaller one moves the line by a fortieth of an element.
+# the size, a guard against slivers: a smaller one moves the line by a fortieth of an
+# element.
 _KEPT = 0.1
 
 # Sides of the outline, relative to the size, between which its corners are kept.
@@ -51,8 +53,8 @@ _AIM = 25.0
 # an equilateral triangle of this size.
 _LARGEST = 0.8
 
-# Distance of points of the lattice to segments, relative to the size.  Chosen: below
-# the height of an equilateral triangle, 0.87.
+# Distance of points of the lattice to segments, relative to the size.  It is below the
+# height of an equilateral triangle, 0.87.
 _CLEARANCE = 0.6
 
 # Angle in degrees between lines below which their segments are divided on circles.
@@ -65,7 +67,8 @@ _BENT = 0.01
 # Rounds of smoothing, and most rounds of refinement.
 _SMOOTHING, _MOST_ROUNDS = 6, 200
 
-# Length of edges relative to the size below which triangles are left as they are.
+# Length of edges relative to the size below which triangles are left as they are, a
+# limit of work.
 _FINEST = 1e-4
 
 
@@ -143,8 +146,8 @@ def triangles(
 # Largest area over size².
 _MOST = 1e6
 
-# Least distance of holes from each other and from the outline, relative to the size.
-# Chosen: elements in the gap are as small as it, and their number grows.
+# Least distance of holes from each other and from the outline, relative to the size, a
+# limit of work: elements in the gap are as small as it, and their number grows.
 _NARROWEST = 1e-3
 
 

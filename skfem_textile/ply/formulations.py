@@ -42,7 +42,7 @@ from .terms import FormTerm, TensionTerm, Term
 
 # Twist stiffness relative to the smaller bending stiffness, if both families have one:
 # with independently bending fibres the only remaining mechanism of the ply is z = xy.
-# Chosen: it adds 0.1 % to the load under which a square plate buckles.
+# It adds 0.1 % to the load under which a square plate buckles.
 _TWIST_OVER_BENDING = 0.002
 
 
@@ -266,7 +266,7 @@ OF_ONE_POINT, OF_MACRO, OF_QUADRATIC = 1.6, 0.85, 0.7
 _OF_UNRESOLVED_LAYER = 0.6
 
 #: Range of the logarithm of E_d where macro-elements are compared with one point, their
-#: limit for a large E_d.  Chosen: at least 94 % of 70 bias extensions are inside.
+#: limit for a large E_d.  At least 94 % of 70 bias extensions are inside.
 OF_DEVIATION_BELOW_ONE_POINT = 0.7
 
 # Increase of ``log_range`` for a stabilisation stiffness that is given as a number.

@@ -42,19 +42,20 @@ _TENSION_OVER_SHEAR, _SOFTNESS = 0.7, 80.0
 # trellis: `python -m studies formulations`.
 _C_S_OF_FIBRES, _E_D_OF_FIBRES = 1e-4, 0.5
 
-# Minimum grip.  Chosen: its value for fibres crossing at 8 degrees, which fabrics do
-# not reach.
+# Minimum grip, a guard against a zero C_s: fibres that cross at 8 degrees have it, an
+# angle that fabrics do not reach.
 _LEAST_GRIP = 0.01
 
-# Ratio of shear to fibre stiffness at which their weight has decreased to 1/e.  Chosen:
-# far below the 1e-8 of the stiffest cases of the studies, so that none of them is
-# affected.
+# Ratio of shear to fibre stiffness at which their weight has decreased to 1/e.  It is a
+# guard against a singular tangent, far below the 1e-8 of the stiffest cases of the
+# studies, so that none of them is affected.
 _NO_SHEAR = 1e-11
 
 # Lower bound of the shear stiffness of a softening law, relative to its value at rest.
 _LEAST_OF_REST = 0.1
 
-# Shear angle in radians below which the tangent at rest replaces the secant.
+# Shear angle in radians below which the tangent at rest replaces the secant,
+# of which round-off would be a large share.
 _SMALL_ANGLE = 1e-6
 
 

@@ -28,7 +28,7 @@ _TERM_MEMBERS = (
 )
 
 # Distances of a and b from rest, and from each other, relative to the element size.
-# Chosen: between them terms are nearly linear, and differences exceed round-off.
+# Between them terms are nearly linear, and differences exceed round-off.
 _FROM_REST, _BETWEEN = 1e-3, 1e-5
 
 # Tolerances relative to the predicted difference and, for round-off, to the values.

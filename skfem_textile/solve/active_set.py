@@ -16,13 +16,13 @@ from .direction import NEAR, TINY, Direction, Increment, Iterate
 from .problem import Evaluation, Problem, Tangent
 from .states import NoEquilibriumError
 
-#: Penetration and contact force over stiffness, relative to the size of the ply, below
-#: which contact is a constraint.
+#: Tolerance of contact: penetration, and contact force over stiffness, relative to the
+#: size of the ply, below which contact is a constraint.
 CLOSED = 1e-9
 
 # Maximum number of linear solves by which an increment finds the nodes that touch.
-# Chosen: with more, early iterations solve for nodes that the next ones change; with
-# one, the nodes of flat plies between two tools alternate.
+# With more, early iterations solve for nodes that the next ones change; with one, the
+# nodes of flat plies between two tools alternate.
 _MOST_SOLVES = 3
 
 # Shift of a tangent relative to the contact stiffness, with the values of Wächter &

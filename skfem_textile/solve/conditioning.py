@@ -18,7 +18,7 @@ from .problem import Problem, Tangent
 from .states import State
 
 # Ratio of the stiffness across a motion to the load over its length, from which fibres
-# provide this stiffness.  Chosen: at most 0.3 in bias extension, 7 where fibres are
+# provide this stiffness.  Measured: at most 0.3 in bias extension, 7 where fibres are
 # inclined by 20° to the motion, and at least 1000 in simple shear along fibres.
 _INEXTENSIBLE = 10.0
 

@@ -17,16 +17,11 @@ from ..mesh.bases import components, node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .on_surface import OnSurface
-from .surface_nodes import SurfaceNodes
+from .surface_nodes import PARALLEL_ANGLE, SurfaceNodes
 
 Value: TypeAlias = (
     ArrayLike | Sequence[ArrayLike | None] | Callable[[ndarray, float], ndarray]
 )
-
-#: Angle in radians below which two directions at a node count as one.  A larger angle
-#: would merge intentionally different directions; with a smaller one, round-off of
-#: normals would fix a node in a second direction.
-PARALLEL_ANGLE = 1e-6
 
 # Conditions agree at a node if their displacements differ by at most this share of the
 # largest displacement and, for round-off, of the largest coordinate.

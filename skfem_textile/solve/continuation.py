@@ -32,8 +32,8 @@ _SAME_STATE = 0.01
 #: that stay on the path are halved.
 MOST_PROJECTED = 2
 
-#: Divisor of a step in which the ply flew away.  Chosen: shorter steps seldom stop it,
-#: and each attempt is long.
+#: Divisor of a step in which the ply flew away, a limit of work: shorter steps seldom
+#: stop it, and each attempt is long.
 SHORTER_AFTER_FLIGHT = 16
 
 # Number of halvings of a requested step after which a hard step is accepted: 2⁻⁶.
@@ -42,7 +42,8 @@ _PATH_HALVINGS = 6
 # Maximum number of load factors listed in a warning.
 _SHOWN = 5
 
-# Relative accuracy of a limit load.  Half the value takes about one more halving.
+# Relative accuracy of a limit load, a limit of work: half the value takes about one
+# more halving.
 _KNOWN_SHARE = 0.005
 
 # Shortest step towards a limit, in load factors.  With a longer one, the search may end

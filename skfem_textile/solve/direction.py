@@ -22,7 +22,7 @@ _OVER_SHEAR_STIFFNESS = 10.0
 #: stretches are accurate enough for a stiffness.
 NEAR = 0.1
 
-#: Smallest force by which others are divided, in N.
+#: Smallest force in N, or sum of forces, by which others are divided.
 TINY = 1e-300
 
 

@@ -12,7 +12,7 @@ from .problem import EPSILON, Problem
 from .states import NoEquilibriumError
 
 # Trial lengths of an increment, each half the previous one, until every law has a value
-# or the energy decreases.  Chosen: the last, 2⁻¹¹, is shorter than any in a converging
+# or the energy decreases.  The last, 2⁻¹¹, is shorter than any in a converging
 # iteration.
 _HALVINGS = 12
 

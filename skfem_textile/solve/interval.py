@@ -60,13 +60,13 @@ SHEAR_ANGLE_OVER_CHANGE = 2.2
 # and numerical share of the energy, beyond which there is no interval.
 _MOST, _MOST_NUMERICAL = 1.0, 0.5
 
-# Relative steps of finite differences: of the load factor for the rate of the fixed
+# Relative step of finite differences: of the load factor for the rate of the fixed
 # values, and along a motion for the derivative of a quantity.
-_STEP_BACK, _SHORT = 1e-3, 1e-3
+_STEP = 1e-3
 
 # Ratio of work to energy, for a ply on a surface, above which the work is attributed to
-# a load.  Supported nodes that follow a triangulated tool do work of up to 0.2 % of the
-# energy; an edge tension does several times the energy.
+# a load.  Measured: supported nodes that follow a triangulated tool do work of up to
+# 0.2 % of the energy; an edge tension does several times the energy.
 _OF_A_LOAD = 0.01
 
 # Residual of a state, relative to its tolerance, above which it belongs to another ply:
@@ -282,8 +282,8 @@ def _work(
 def _rate(problem: Problem) -> ndarray:
     """Load factor times the rate of the fixed unknowns with respect to it, in mm."""
     constraints, t = problem.constraints, problem.load_factor
-    values, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
-    return (values - before) / _STEP_BACK
+    values, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP) * t))
+    return (values - before) / _STEP
 
 
 class _Change(NamedTuple):
@@ -374,9 +374,9 @@ class _Changes:
 
     def _slope(self, quantity: Callable[[Ply, ndarray], Any], motion: ndarray) -> Any:
         """Derivative of a quantity along a motion."""
-        ends = (quantity(self.ply, self.u + h * motion) for h in (-_SHORT, _SHORT))
+        ends = (quantity(self.ply, self.u + h * motion) for h in (-_STEP, _STEP))
         before, after = ends
-        return (after - before) / (2 * _SHORT)
+        return (after - before) / (2 * _STEP)
 
 
 def _interval(

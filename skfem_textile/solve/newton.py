@@ -35,15 +35,14 @@ _ON_SURFACE = (
 _DESCENT = 3
 
 # Maximum number of iterations between tools before and after an unstable equilibrium,
-# as a multiple of the maximum without them.  Chosen: steps of slack plies, which have
-# many wrinkled states, often take more than a hundred, and halving a step takes longer
-# than continuing.
+# as a multiple of the maximum without them.  Steps of slack plies, which have many
+# wrinkled states, often take more than a hundred, and halving a step takes longer than
+# continuing.
 _BETWEEN_TOOLS = 5
 
 # Increments between tools that the watchdog (`Descent`) allows before it goes back.
-# Chosen: with fewer, a slack ply of
-# stiff fibres takes more than twice as many solves, with more as many (`pytest
-# tests/contact/test_stiff_fibres.py` bounds the solves with 8).
+# With fewer, a slack ply of stiff fibres takes more than twice as many solves, with more
+# as many (`pytest tests/contact/test_stiff_fibres.py` bounds the solves with 8).
 _WATCHED = 8
 
 #: Update of the parameters of an iterate.

@@ -20,21 +20,20 @@ from ..surfaces.surface import GrowingSurface, Surface
 from .states import NoEquilibriumError
 
 # Tolerances for contact of the surface with the plane of the ply: distance, relative to
-# the largest coordinate, and sine of the angle between them.  Chosen: above the
+# the largest coordinate, and sine of the angle between them.  They are above the
 # rounding of surface meshes.
 _TOUCHING = 1e-4
 
 # Number of nodes near which a surface is checked, and the interval length relative to
-# the extent of the nodes.  Chosen: shorter than any fillet resolved by a mesh of the
-# ply, and long enough for surfaces that are computed to ten digits.
+# the extent of the nodes.  It is shorter than any fillet resolved by a mesh of the ply,
+# and long enough for surfaces that are computed to ten digits.
 _NODES, _INTERVAL = 12, 1e-3
 
 # Ends of the intervals of a line, in intervals from its middle.
 _ENDS = np.arange(-2, 3)
 
 # Tolerances of slopes: relative to the derivative and, for round-off, to the function
-# and the coordinates.  Chosen: a smaller error of a derivative causes no additional
-# iterations.
+# and the coordinates.  A smaller error of a derivative causes no additional iterations.
 _OFF, _NOISE, _ROUNDING = 1e-2, 1e-9, 64 * 2.0**-53
 
 # Exceptions that a function may raise at points outside its domain, beyond the nodes.

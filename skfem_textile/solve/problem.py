@@ -36,16 +36,16 @@ NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
 # Largest round-off in the tolerance of the residual, as a share of the largest nodal
-# force.  Chosen: forces then balance loads to a thousandth.
+# force.  Forces then balance loads to a thousandth.
 _ROUND_OFF_OF_FORCES = 1e-3
 
 # Displacement, relative to the sizes and motions of ply and tools, beyond which nothing
-# stops a ply.  Chosen: the first increments of soft plies are several times their size.
+# stops a ply.  The first increments of soft plies are several times their size.
 _FAR = 100.0
 
 #: Cosine of the angle between the normals of two tools below which they are on opposite
-#: sides of a ply.  Chosen: 120°, so that the walls and the bottom of a box, which
-#: overlap beneath each other, are not.
+#: sides of a ply.  The angle, 120°, guards the walls and the bottom of a box, which
+#: overlap beneath each other.
 OPPOSITE = -0.5
 
 # Ratio of stiffnesses, times the limit for pivots, from which a pivot may be round-off

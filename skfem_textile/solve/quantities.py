@@ -11,7 +11,7 @@ _ROUND_OFF = {"%": 1e-3, "°": 1e-3, "mm": 1e-6}
 # Relative rounding of values with four digits: intervals are not narrower.
 _ROUNDED = 1e-3
 
-# Maximum number of rows.  Chosen: with the names of the files they are 15 lines.
+# Maximum number of rows.  With the names of the files they are 15 lines.
 _MOST = 14
 
 

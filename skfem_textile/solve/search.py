@@ -46,8 +46,8 @@ _CERTAINLY = 0.1
 
 
 # Reaction of a support, relative to the sum of all loads, below which there is none.
-# Chosen: with 1e-5 shear angles differ by up to 0.02° from another path to the
-# same state.
+# Measured: with 1e-5 shear angles differ by up to 0.02° from another path to the same
+# state.
 _IN_BALANCE = 1e-6
 
 

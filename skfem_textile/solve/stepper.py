@@ -57,7 +57,8 @@ DEFAULT_WARN_ONLY = (
 # Largest accepted number of equal steps; more are considered a mistake.
 _MOST_STEPS = 1_000_000
 
-# A load factor near 1 has 53 binary digits, of which 20 are for the steps.
+# Maximum number of halvings: a load factor near 1 has 53 binary digits, of which 20 are
+# for the steps.
 _MOST_HALVINGS = 30
 
 

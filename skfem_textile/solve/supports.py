@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .conditions import PARALLEL_ANGLE, Constraints
+from .conditions import Constraints
+from .surface_nodes import PARALLEL_ANGLE
 
 # Smallest ratio of eigenvalues of S, (1 − cos θ)/(1 + cos θ) of two directions with the
 # angle θ, that belongs to another direction.

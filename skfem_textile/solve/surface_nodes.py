@@ -30,12 +30,14 @@ from .on_surface import (
 )
 from .states import NoEquilibriumError
 
-# Sine of the angle between a normal and the directions fixed by conditions below which
-# these already fix the normal.  Chosen: far above round-off.
-_HELD_ACROSS = 1e-6
+#: Angle in radians below which two directions at a node count as one, and fixed
+#: directions include a normal.  A larger angle would merge intentionally different
+#: directions; with a smaller one, round-off of normals would fix a node in a second
+#: direction.
+PARALLEL_ANGLE = 1e-6
 
-# Number of steps along the geodesics that carry a ply.  Chosen: on a sphere, over a
-# quarter of its circumference, the error is 1e-3 of the radius, sufficient for an
+# Number of steps along the geodesics that carry a ply.  Measured on a sphere, over a
+# quarter of its circumference: the error is 1e-3 of the radius, sufficient for an
 # initial guess; each step evaluates the surface three times, which is expensive for
 # triangles.
 _STEPS = 4
@@ -148,7 +150,7 @@ class SurfaceNodes:
         gradient = np.concatenate([s.gradient(at) for s, at in surfaces], axis=1)
         along = np.einsum("nij,jn->in", self._projector, gradient)
         length = np.linalg.norm(along, axis=0)
-        lost = length <= _HELD_ACROSS * np.linalg.norm(gradient, axis=0)
+        lost = length <= PARALLEL_ANGLE * np.linalg.norm(gradient, axis=0)
         if lost.any():
             node = self.nodes[lost.argmax()]
             raise NoEquilibriumError(

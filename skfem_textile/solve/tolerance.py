@@ -28,8 +28,8 @@ _LEAST_STEP, _MOST_STEP, _WITHOUT_INTERVAL = 1.2, 4.0, 2.0
 # Margin of the next density, because half-widths do not follow a power exactly.
 _MARGIN = 1.15
 
-# Number of meshes that are generated to find the largest one allowed: the number of
-# unknowns is not an exact power of the density.
+# Maximum number of meshes that are generated to find the largest one allowed: the
+# number of unknowns is not an exact power of the density.
 _TRIED = 3
 
 # Largest share of stabilisation or deviations in energy and work, above which a

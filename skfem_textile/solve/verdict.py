@@ -23,6 +23,7 @@ from numpy import ndarray
 from ..mesh.user_input import printable
 from . import active_set
 from .conditions import turned
+from .direction import TINY
 from .problem import EPSILON, HOLD, ROUNDINGS, Evaluation, Problem
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
@@ -52,9 +53,6 @@ _ROLES = {
 # runs stay below both, and at a tenth of the energy the load is more than a tenth too
 # large.
 _MOST, _MOST_OF_REACTION = {"energy": 0.1, "work": 0.1}, 0.25
-
-# Smallest total for which shares are computed.
-_TINY = 1e-300
 
 # Energy share of the corner resistance above which there is a warning.  A smaller limit
 # warns of corners that change no result; a larger one misses corners that do.
@@ -164,7 +162,7 @@ class Trial:
             wholes[f"{name}_reaction"] = at_nodes, force * len(nodes)
         shares: dict[str, dict[str, float]] = {}
         for name, (x, least) in wholes.items():
-            total = max(float(np.linalg.norm(x, axis=1).sum()), least, _TINY)
+            total = max(float(np.linalg.norm(x, axis=1).sum()), least, TINY)
             by_role = {r: x[np.array(roles) == r].sum(axis=(0, 2)) for r in _ROLES}
             shares[name] = {
                 role: float(np.linalg.norm(f) / total) for role, f in by_role.items()

@@ -20,8 +20,8 @@ from ..mesh.user_input import real_numbers
 #: Three components.
 Vector: TypeAlias = ArrayLike
 
-# Lower bound in mm of a distance from an axis or a centre used as a divisor.
-_TINY = 1e-300
+#: Lower bound in mm of a distance from an axis or a centre used as a divisor.
+TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +78,13 @@ class Sphere(declared.Sphere):
     def gradient(self, x: ndarray) -> ndarray:
         """∇φ, shape (3, n)."""
         r = self._from_centre(x)
-        return r / np.maximum(np.linalg.norm(r, axis=0), _TINY)
+        return r / np.maximum(np.linalg.norm(r, axis=0), TINY)
 
     def hessian(self, x: ndarray) -> ndarray:
         """∇²φ, shape (3, 3, n)."""
         n, length = self.gradient(x), np.linalg.norm(self._from_centre(x), axis=0)
         across = np.eye(3)[:, :, None] - n[:, None] * n[None]
-        return across / np.maximum(length, _TINY)
+        return across / np.maximum(length, TINY)
 
     def _from_centre(self, x: ndarray) -> ndarray:
         return x - np.asarray(self.centre)[:, None]
@@ -139,7 +139,7 @@ class OfRevolution:
         beside = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
         beside /= np.linalg.norm(beside)
         across = np.where(r > 0, across, beside[:, None])
-        bend = np.where(r > 0, of_r / np.maximum(r, _TINY), rr)
+        bend = np.where(r > 0, of_r / np.maximum(r, TINY), rr)
         around = np.cross(along, across, axis=0)
         mixed = across[:, None] * along[None]
         return (
@@ -156,7 +156,7 @@ class OfRevolution:
         z = axis @ away
         away = away - z * axis[:, None]
         r = np.linalg.norm(away, axis=0)
-        return r, z, away / np.maximum(r, _TINY)
+        return r, z, away / np.maximum(r, TINY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,11 +248,11 @@ class Torus(declared.Torus, OfRevolution):
         return np.hypot(r - self.radius, z) - self.tube
 
     def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        away = np.maximum(np.hypot(r - self.radius, z), _TINY)
+        away = np.maximum(np.hypot(r - self.radius, z), TINY)
         return (r - self.radius) / away, z / away
 
     def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        away = np.maximum(np.hypot(r - self.radius, z), _TINY)
+        away = np.maximum(np.hypot(r - self.radius, z), TINY)
         c, s = self._df(r, z)
         return s * s / away, -c * s / away, c * c / away
 

@@ -11,13 +11,10 @@ import numpy as np
 from numpy import ndarray
 
 from .. import declarations as declared
-from .analytic import OfRevolution, positive_length
+from .analytic import TINY, OfRevolution, positive_length
 
-# Lower bound in mm of a distance used as a divisor.
-_TINY = 1e-300
-
-# Slope of the level along the axis.  Chosen: the level on the axis of a die remains
-# above 0.7 of the radius, and on the axis of a punch below -0.6 of it.
+# Slope of the level along the axis.  The level on the axis of a die remains above 0.7
+# of the radius, and on the axis of a punch below -0.6 of it.
 _SLOPE = 0.1
 
 
@@ -80,7 +77,7 @@ class Punch(declared.Punch, OfRevolution):
     def _direction(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
         """Distance from the axis of the shaft or the centre, and its derivatives."""
         above = np.maximum(z, 0.0)
-        away = np.maximum(np.hypot(r, above), _TINY)
+        away = np.maximum(np.hypot(r, above), TINY)
         return away, np.where(z > 0, r / away, 1.0), above / away
 
     def _slopes(self, away: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
@@ -154,7 +151,7 @@ class Die(declared.Die, OfRevolution):
         r = _rounded(r, self.radius)[0] - (self.radius + self.fillet)
         z = z - self.fillet
         plane, wall = (r >= 0) & (z <= r), (z >= 0) & (r < z)
-        away = np.maximum(np.hypot(r, z), _TINY)
+        away = np.maximum(np.hypot(r, z), TINY)
         distance = np.where(plane, -z, np.where(wall, -r, away)) - self.fillet
         n_r = np.where(plane, 0.0, np.where(wall, -1.0, r / away))
         n_z = np.where(plane, -1.0, np.where(wall, 0.0, z / away))

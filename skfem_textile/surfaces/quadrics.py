@@ -19,7 +19,7 @@ FITTED = 18
 
 # Eigenvalue of the normal equations of a fit, relative to the largest, below which a
 # combination of coefficients is not determined by the neighbours and is zero: all of
-# them are on a conic, such as the edge of a hole.  Chosen: it is above 1e-3 for nearly
+# them are on a conic, such as the edge of a hole.  It is above 1e-3 for nearly
 # equilateral triangles; 1e-10 on a circle, which amplifies scatter of 1e-4 mm to 1 mm
 # in a hole.
 _DETERMINED = 1e-6
@@ -34,7 +34,7 @@ _FAR = 1.5
 # Distance beyond which a quadric straightens to its tangent plane: in reaches, and by
 # the angle in radians through which it has turned.  The error of a curvature grows with
 # the square of the distance, and the curvature of a fillet at an edge would roll up.
-# Chosen: holes of up to 16 edges are spanned by the curvature of their edges.
+# Holes of up to 16 edges are spanned by the curvature of their edges.
 _BENDS, _TURNS = 4.0, 0.5
 
 # Maximum number of vertices listed as neighbours of a vertex: sixty times the mean of
@@ -48,10 +48,10 @@ _LEVELS = np.linspace(0.0, 1 / _FAR, 9)
 
 # Side of the cubes of which one point each represents a surface for points far away, in
 # reaches, smallest distance from it relative to the diagonal of a cube, and smallest
-# height over it relative to the distance.  Chosen: at five diagonals the nearest of
-# these points is at most 1.25 times as far away as the surface.  Its direction deviates
-# from the direction of the nearest point by 37° at most, so that a face on which the
-# nearest point does not lie is lower than 0.6 of the distance.
+# height over it relative to the distance.  At five diagonals the nearest of these
+# points is at most 1.25 times as far away as the surface.  Its direction deviates from
+# the direction of the nearest point by 37° at most, so that a face on which the nearest
+# point does not lie is lower than 0.6 of the distance.
 _CUBE, _FAR_OFF, _HIGH = 1.0, 5.0, 0.7
 
 

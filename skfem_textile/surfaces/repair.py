@@ -9,12 +9,12 @@ from ..mesh.user_input import coords
 from .holes import of_outer_edges, parts_of, turning
 from .sewing import Sewing, sewn
 
-# Smallest and largest extent in mm.  Chosen: squares of areas are finite and nonzero.
+# Smallest and largest extent in mm.  Squares of areas are then finite and nonzero.
 _LEAST, _LARGEST = 1e-50, 1e50
 
 # Distance of a vertex from the median of all, relative to the distance within which
-# nine of ten are, beyond which its coordinates are not sane.  Chosen: a tool of 10 m of
-# which nine tenths of the vertices are within 10 mm.
+# nine of ten are, beyond which its coordinates are not sane: a tool of 10 m
+# of which nine tenths of the vertices are within 10 mm.
 _STRAY = 1e3
 
 # Share of triangles in separate parts above which they do not meet: sewn triangles of
@@ -32,8 +32,8 @@ _STEP, _SHEAR_ERROR = 0.02, 20.0
 # (`python -m studies tools`); a hole where one triangle is missing has three edges.
 _WIDE, _SMALL = 0.05, 6.0
 
-# Share of edges of more than two triangles above which a tool is not a surface.
-# Chosen: slivers along a seam fold in a few places.
+# Share of edges of more than two triangles above which a tool is not a surface, a guard
+# against tools of crossing sheets: slivers along a seam fold in a few places.
 _BRANCHES = 1e-3
 
 # Share of the area within which the orientation of a part follows most triangles;

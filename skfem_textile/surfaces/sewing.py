@@ -18,19 +18,19 @@ _ONE = 1e-6
 
 # Distances, relative to the shorter of the shortest edges at two vertices, below which
 # they are copies of each other: of vertices at open edges, one after the other, and of
-# others, as in a face that the file contains twice.  Chosen: three copies in a row are
-# closer than an edge.  Sides of a thin shell of separate triangles remain apart: their
-# edges are not open after the first of these.
+# others, as in a face that the file contains twice.  Three copies in a row are closer
+# than an edge.  Sides of a thin shell of separate triangles remain apart: their edges
+# are not open after the first of these.
 _COPIES, _TWICE = (0.01, 0.1, 0.3, 0.3), 0.02
 
 # Smallest ratio of successive distances between scattered copies and the shortest
-# edges, and the share of the median edge below which it is sought.  Chosen: copies
-# scatter without gaps of this ratio in the upper half of their distances.
+# edges, and the share of the median edge below which it is sought.  Copies scatter
+# without gaps of this ratio in the upper half of their distances.
 _GAP, _SHORT = 3.0, 0.2
 
 # Distance from an edge, relative to its length, below which an open vertex lies on it,
-# and the share of its length at its ends where it does not.  Chosen: the height of an
-# arc of 45° is a tenth of its chord.
+# and the share of its length at its ends where it does not.  The height of an arc of
+# 45° is a tenth of its chord.
 _ON_EDGE, _END = 0.1, 0.01
 
 

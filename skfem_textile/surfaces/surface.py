@@ -11,25 +11,25 @@ from skfem import CellBasis
 from ..mesh.user_input import CopiedError, coords, shortened
 
 # Distance from a surface, relative to the largest coordinate, below which a point is on
-# it, and maximum number of iterations of the projection.  Chosen: far below any element
+# it, and maximum number of iterations of the projection.  It is far below any element
 # size, and above the rounding of computed surfaces.
 _ON_SURFACE, _MOST = 1e-11, 50
 
 # Number of steps along the longest geodesic, and shortest step relative to its length.
-# Chosen: the error on a sphere over a quarter of its circumference is 4e-7 of the
-# radius; the shortest steps occur only at edges of a surface.
+# The error on a sphere over a quarter of its circumference is 4e-7 of the radius; the
+# shortest steps occur only at edges of a surface.
 _STEPS, _SHORTEST = 32, 1e-3
 
 # Estimated error, relative to the length of the longest geodesic, above which steps are
-# shortened: the error of the derivative at the end, times the whole length.  Chosen:
-# far below the accuracy of an initial guess.  Smoothed triangles have curvatures that
-# vary between triangles and deviate more from the tool that they represent.
+# shortened: the error of the derivative at the end, times the whole length.  It is far
+# below the accuracy of an initial guess.  Smoothed triangles have curvatures that vary
+# between triangles and deviate more from the tool that they represent.
 _ACCURACY = 1e-3
 
 # Safety factor of the step length, and limits of its change per step.
 _CAUTION, _SHORTER, _LONGER = 0.9, 0.2, 5.0
 
-# Sine of the angle up to which a tangent plane counts as vertical.  Chosen: above the
+# Sine of the angle up to which a tangent plane counts as vertical.  It is above the
 # error of smoothed triangles of a vertical wall, and below the draft of moulds.
 _UPRIGHT = 0.01
 

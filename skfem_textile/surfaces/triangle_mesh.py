@@ -19,23 +19,23 @@ from .repair import mean_edge, repaired
 from .tool_mesh import ToolMesh
 from .triangles import ElementTree, closest_on_triangles, unit
 
-# Number of positions for which values are kept: a Newton iteration returns to the last
-# state after a trial step.
+# Number of positions for which values are kept in memory: a Newton iteration returns to
+# the last state after a trial step.
 _KEPT = 2
 
-# Support radius of the weights, relative to the mean edge length.  Chosen: with a
-# smaller one, points between vertices of long triangles have too few quadrics; with a
-# larger one, details are lost.
+# Support radius of the weights, relative to the mean edge length.  With a smaller one,
+# points between vertices of long triangles have too few quadrics; with a larger one,
+# details are lost.
 _REACH = 2.0
 
-# Tolerance for points beyond the edges of the triangles, relative to the mean edge.
-# Chosen: a curved outline deviates from chords of 45° by a tenth of their length.
+# Tolerance for points beyond the edges of the triangles, relative to the mean edge.  A
+# curved outline deviates from chords of 45° by a tenth of their length.
 _BEYOND = 0.1
 
 # Tolerance for the deviation of the smoothed surface from the triangles, relative to
-# the mean edge.  Chosen: regular triangles on spheres, cylinders, cones and saddles
-# deviate by at most 0.06 with 320 triangles on a sphere; both sides of a thin shell,
-# and triangles with an aspect ratio of fourteen, by 0.25 and more.
+# the mean edge.  Regular triangles on spheres, cylinders, cones and saddles deviate by
+# at most 0.06 with 320 triangles on a sphere; both sides of a thin shell, and triangles
+# with an aspect ratio of fourteen, by 0.25 and more.
 _OFF = 0.1
 
 # Smallest ratio of the vector area around a vertex to the total area of its triangles:

@@ -7,16 +7,14 @@ import numpy as np
 from numpy import ndarray
 from skfem import ElementH1, ElementQuad1, ElementTriP1
 
-# Largest number of iterations for the foot of a perpendicular on an element.  Chosen:
-# on a square twisted by 30° the error for a point at a tenth of a side is 1e-8 of it.
+# Largest number of iterations for the foot of a perpendicular on an element.  On a
+# square twisted by 30° the error for a point at a tenth of a side is 1e-8 of it.
 _ITERATIONS = 12
 
-# Change of local coordinates in an iteration that is rounding.
-_ROUNDING = 1e-12
-
-# Regularisation, relative to the squared edges of an element, of steps beyond the edges
-# of a strongly bent element.
-_RIDGE = 1e-12
+# Round-off of local coordinates, of squared distances relative to the squared distance
+# of the centre, and of squared edges: it also regularises steps beyond the edges of a
+# strongly bent element.
+_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +41,12 @@ class Elements:
             slopes = self.slopes(positions, some, before)
             normal = np.einsum("ijn,ikn->njk", slopes, slopes)
             size = np.trace(normal, axis1=1, axis2=2)
-            normal += _RIDGE * size[:, None, None] * np.eye(2)
+            normal += _ROUND_OFF * size[:, None, None] * np.eye(2)
             right = np.einsum("ijn,in->nj", slopes, away)
             step = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
             # Far beyond its edges the mapping of an element is meaningless.
             local[:, left] = np.clip(before + step, -1.0, 2.0)
-            left = left[np.abs(local[:, left] - before).max(axis=0) > _ROUNDING]
+            left = left[np.abs(local[:, left] - before).max(axis=0) > _ROUND_OFF]
             if not left.size:
                 break
         return local, points - self.between(positions, element, local)
@@ -222,7 +220,3 @@ def _closest(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:
         shares[k, closer], shares[m, closer] = 1 - share[closer], share[closer]
         distance[closer] = on_edge[closer]
     return shares, distance
-
-
-# Round-off of squared distances, relative to the squared distance of the centre.
-_ROUND_OFF = 1e-12

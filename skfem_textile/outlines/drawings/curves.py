@@ -12,8 +12,8 @@ from ...mesh.user_input import excerpt
 
 log = logging.getLogger(__name__)
 
-# Largest number of elements of a drawing.  Chosen: far above patterns of plies; arrays
-# of blocks and clones of clones multiply.
+# Largest number of elements of a drawing.  Patterns of plies have far fewer; arrays of
+# blocks and clones of clones multiply them.
 _MOST = 100_000
 
 # Segments of a curve for an estimate of its bend, and the most.

@@ -47,8 +47,8 @@ _IN_MM = {
 _POLYLINES = ("LWPOLYLINE", "POLYLINE")
 _CURVES = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", *_POLYLINES)
 
-# Depth relative to the size below which curves are flat.  Chosen: it changes lengths by
-# less than 1e-6 of the size.
+# Depth relative to the size below which curves are flat, a guard against rounding: it
+# changes lengths by less than 1e-6 of the size.
 _FLAT = 1e-3
 
 # Direction towards the viewer: from above, else from the front, else from the right.

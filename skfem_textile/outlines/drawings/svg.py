@@ -75,10 +75,10 @@ _INHERITED = {
     "stroke-opacity": "1",
 }
 
-# Depth of nested elements, at which Python's own limit is far.
+# Depth of nested elements, a guard against Python's own limit of recursion.
 _DEEPEST = 150
 
-# Distance, relative to its size, by which elements may leave a viewport.
+# Rounding, relative to its size, by which elements may leave a viewport.
 _OUTSIDE = 1e-6
 
 

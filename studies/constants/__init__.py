@@ -1,0 +1,1 @@
+"""Effect of the constants of the solver, tools, outlines and nets."""
