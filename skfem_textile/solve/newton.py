@@ -41,8 +41,8 @@ _DESCENT = 3
 _BETWEEN_TOOLS = 5
 
 # Increments between tools that the watchdog (`Descent`) allows before it goes back.
-# With fewer, a slack ply of stiff fibres takes more than twice as many solves, with more
-# as many (`pytest tests/contact/test_stiff_fibres.py` bounds the solves with 8).
+# With fewer, a slack ply of stiff fibres takes more than twice as many solves, with
+# more as many (`pytest tests/contact/test_stiff_fibres.py` bounds the solves with 8).
 _WATCHED = 8
 
 #: Update of the parameters of an iterate.
