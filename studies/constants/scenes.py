@@ -253,7 +253,7 @@ SCENES = {
         Scene(
             "forming",
             _ply(hemisphere_forming, 1e4, 0.1, 1, bending=1.0, tension=0.0, **_CUP),
-            ("solve.contact", "solve.newton"),
+            ("solve.active_set", "solve.newton"),
         ),
         Scene(
             "heavy cantilever",
@@ -276,7 +276,7 @@ SCENES = {
                 tension=0.0,
                 **_CUP | {"travel": 30.0},
             ),
-            ("solve.contact", "solve.globalisation", "solve.newton"),
+            ("solve.active_set", "solve.globalisation", "solve.newton"),
         ),
     ),
     "contact": (

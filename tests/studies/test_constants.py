@@ -2,9 +2,10 @@
 
 import importlib
 
+import numpy as np
 import pytest
 
-from skfem_textile.outlines import net, outline
+from skfem_textile.outlines import net, outline, rings
 from studies.constants.replacing import Constant, constants, read_by, replaced
 from studies.constants.scenes import SCENES, Scene
 from studies.constants.study import Case, effects, ended
@@ -30,7 +31,7 @@ def test_integers_are_rounded_and_tuples_are_scaled_as_a_whole():
     assert divisions.times(0.25) == round(divisions.value / 4)
     beside = LISTED["outlines.triangles._BESIDE_LINE"]
     assert beside.times(2.0) == tuple(2 * x for x in beside.value)
-    pushes = Constant("solve.contact", "_MOST_SOLVES", "")
+    pushes = Constant("solve.active_set", "_MOST_SOLVES", "")
     assert pushes.times(0.01) == 1
 
 
@@ -38,7 +39,7 @@ def test_a_constant_is_replaced_where_it_is_imported_and_restored_after_an_error
     users = [
         importlib.import_module(f"skfem_textile.outlines.{x}") for x in ("fibres",)
     ]
-    near, value = LISTED["outlines.outline.NEAR"], outline.NEAR
+    near, value = LISTED["outlines.rings.NEAR"], outline.NEAR
 
     def fail():
         with replaced(near, 1.0):
@@ -52,9 +53,9 @@ def test_a_constant_is_replaced_where_it_is_imported_and_restored_after_an_error
 
 def test_names_are_read_by_the_lines_that_run():
     def call(positive):
-        return outline.place((1.0, 2.0)) if positive else 0
+        return rings._is_closed(np.zeros((2, 3))) if positive else 0
 
-    assert ("skfem_textile.outlines.outline", "hasattr") in read_by(lambda: call(True))
+    assert ("skfem_textile.outlines.rings", "JOINED") in read_by(lambda: call(True))
     assert not read_by(lambda: call(False))
 
 
