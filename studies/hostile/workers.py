@@ -13,6 +13,7 @@ from multiprocessing.connection import wait
 from typing import Any, NamedTuple
 
 import hypothesis
+from hypothesis.internal.conjecture import providers
 
 from tests.helpers.hostile import (
     REFUSED,
@@ -133,6 +134,8 @@ def _serve(family: Family, trials: _Trials, pipe: Any, parent: int) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    # Inputs would change with the numbers in the code of all loaded modules.
+    providers._get_local_constants = providers.Constants
 
     @hypothesis.seed(trials.seed)
     @hypothesis.settings(
