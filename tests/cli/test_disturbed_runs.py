@@ -386,7 +386,8 @@ def by_sweep(disk):
 
 
 def stepper(folder, steps):
-    scene = strip(size=(3, 4))
+    """The ply of `QUICK`."""
+    scene = strip(size=(2, 3))
     ply = Ply(scene.mesh, Fabric(1e4, 1.0), Macro(10.0))
     return LoadStepper(ply, scene.conditions, steps, checkpoint=folder)
 
