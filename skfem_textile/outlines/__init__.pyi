@@ -1,6 +1,6 @@
 """Public names, which the package imports on first use."""
 
-from .along import along_edges as along_edges
+from .meshing import along_edges as along_edges
 from .cells import CORNER as CORNER
 from .fibres import (
     SingularFibre as SingularFibre,

@@ -15,7 +15,7 @@ from shapely.geometry.polygon import orient
 from ..fabric import Fabric, unit_vectors
 from ..fabric.fabric import PARALLEL
 from ..mesh.user_input import coords
-from .outline import Outline
+from .outline import Outline, by_ring
 from .rings import NEAR
 
 #: Turn in radians from which a corner counts as one; a smaller one approximates a
@@ -55,6 +55,11 @@ _DIVISIONS = 24
 def cross(u: ndarray, v: ndarray) -> Any:
     """Component z of the cross product of vectors in the plane."""
     return u[0] * v[1] - u[1] * v[0]
+
+
+def angle(u: ndarray, v: ndarray) -> Any:
+    """Angle in radians from vectors in the plane to others, positive to the left."""
+    return np.arctan2(cross(u, v), (u * v).sum(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +129,7 @@ class Cell:
 
     @cached_property
     def _rings(self) -> list[ndarray]:
-        rings = self.shape.exterior, *self.shape.interiors
-        return [np.array(ring.coords)[:-1].T for ring in rings]
+        return corners_of_rings(self.shape)
 
     @cached_property
     def start(self) -> ndarray:
@@ -146,15 +150,13 @@ class Cell:
     @cached_property
     def _before(self) -> ndarray:
         """Unit vectors along the edge before each edge."""
-        sizes = np.cumsum([ring.shape[1] for ring in self._rings])
-        parts = np.split(self._after, sizes[:-1], axis=1)
+        parts = by_ring(self._rings, self._after)
         return np.hstack([np.roll(part, 1, axis=1) for part in parts])
 
     @cached_property
     def turn(self) -> ndarray:
         """Turn at the start of each edge in radians, negative where re-entrant."""
-        u, v = self._before, self._after
-        turn = np.arctan2(cross(u, v), (u * v).sum(axis=0))
+        turn = angle(self._before, self._after)
         return np.where(np.abs(turn) < _STRAIGHT, 0.0, turn)
 
     def _leads_inside(self, corner: Any, d: ndarray, least: float = NEAR) -> ndarray:
@@ -266,7 +268,7 @@ class Cell:
             low, high = float(steps.t_old or 0.0), float(steps.t)
             middle = direction(0.0, dense((low + high) / 2))
             last = direction(0.0, steps.y)
-            turn = _angle(along, middle) + _angle(middle, last)
+            turn = float(np.abs(angle(along, middle)) + np.abs(angle(middle, last)))
             sides = (high - low) * turn / (8 * _SAGITTA * self.size)
             n = 1 + int(max(np.sqrt(sides), turn / _TURN))
             s = np.linspace(low, high, n + 1)
@@ -353,10 +355,10 @@ class Cell:
         parallel = points[:, np.abs(cross(warp, weft)) < PARALLEL]
         # Twice the angle from warp to weft, independent of their orientations.
         z = ((weft[0] + 1j * weft[1]) / (warp[0] + 1j * warp[1])) ** 2
-        angle = np.full(inside.shape, np.nan)
-        angle[inside] = np.angle(z)[: inside.sum()]
+        twice = np.full(inside.shape, np.nan)
+        twice[inside] = np.angle(z)[: inside.sum()]
         for axis in range(2):
-            p, q = _neighbours(angle, axis)
+            p, q = _neighbours(twice, axis)
             x, y = _neighbours(grid, axis + 1)
             passes = (p * q < 0) & (np.abs(p - q) < np.pi)
             share = p[passes] / (p - q)[passes]
@@ -411,15 +413,16 @@ def _neighbours(a: ndarray, axis: int) -> tuple[ndarray, ndarray]:
     return np.take(a, range(n - 1), axis), np.take(a, range(1, n), axis)
 
 
-def _angle(u: ndarray, v: ndarray) -> float:
-    return float(np.abs(np.arctan2(cross(u, v), u @ v)))
-
-
 def _passes(q0: ndarray, q1: ndarray, p: ndarray, near: float) -> bool:
     """True if a segment passes a point within a distance."""
     side = q1 - q0
     share = np.clip((p - q0) @ side / (side @ side), 0, 1)
     return bool(np.hypot(*(q0 + share * side - p)) <= near)
+
+
+def corners_of_rings(shape: shapely.Polygon) -> list[ndarray]:
+    """Corners of the rings of a polygon, each of shape (2, n), the outer one first."""
+    return [x[:-1].T for x in map(shapely.get_coordinates, shapely.get_rings(shape))]
 
 
 def cells_of(
@@ -435,16 +438,11 @@ def cells_of(
         if not isinstance(other, Fabric):
             what = f"region {name!r}" if name else "the outline"
             raise ValueError(f"{what} requires a Fabric, not {type(other).__name__}")
-    shape, regions = outline.shape(), outline.regions
-    parts = [(fabric, shape)]
-    if regions:
-        polygons = {name: shapely.Polygon(x.T) for name, x in regions.items()}
-        rest = shape.difference(shapely.union_all(list(polygons.values())))
-        parts = [(fabric, rest)]
-        parts += [
-            (fabrics.get(name, fabric), shape.intersection(polygon))
-            for name, polygon in polygons.items()
-        ]
+    shape = outline.shape()
+    polygons = {name: shapely.Polygon(x.T) for name, x in outline.regions.items()}
+    rest = shape.difference(shapely.union_all([*polygons.values()]))
+    parts = [(fabric, rest if polygons else shape)]
+    parts += [(fabrics.get(n, fabric), shape & of) for n, of in polygons.items()]
     cells = []
     for of_part, part in parts:
         fields = [Field.of(f.name, f.direction) for f in of_part.families]

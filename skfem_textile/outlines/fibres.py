@@ -21,13 +21,14 @@ from ..solve.conditions import Conditions
 from .cells import (
     CORNER,
     Cell,
+    angle,
     cells_of,
     cross,
     lines_between,
 )
 from .outline import Outline
 from .rings import NEAR
-from .seeds import Seed, seeds_of_conditions, seeds_of_corners
+from .seeds import ConditionSeeds, Seed, seeds_of_conditions, seeds_of_corners
 
 #: Maximum number of lines.
 MOST_LINES = 100_000
@@ -188,8 +189,7 @@ def singular_fibres(
     )
     borders = lines_between(outline, cells)
     seeds = supports.seeds + seeds_of_corners(outline, cells, borders)
-    pieces = list(np.stack([supports.start.T, supports.end.T], axis=2))
-    tracing = _Tracing(cells, pieces, supports.names, borders, width, outline.size)
+    tracing = _Tracing(cells, supports, borders, width, outline.size)
     tracing.strong(seeds)
     fibres, free_ends = tracing.found, tracing.free_ends
     tracing.found = []
@@ -200,7 +200,7 @@ def singular_fibres(
         fibres,
         tracing.found,
         borders,
-        pieces,
+        supports.held,
         tracing.dropped,
         width,
         list(dict.fromkeys(notes)),
@@ -214,15 +214,14 @@ class _Tracing:
     def __init__(
         self,
         cells: list[Cell],
-        held: list[ndarray],
-        names: list[str],
+        supports: ConditionSeeds,
         borders: list[ndarray],
         width: float,
         size: float,
     ) -> None:
         self._cells, self._width, self._near = cells, width, NEAR * size
-        self._held = [shapely.linestrings(piece.T) for piece in held]
-        self._names = names
+        self._held = [shapely.linestrings(piece.T) for piece in supports.held]
+        self._names = supports.names
         self._borders = [shapely.linestrings(line.T) for line in borders]
         self._known = [[_Known(cell, f) for f in range(2)] for cell in cells]
         self.found: list[SingularFibre] = []
@@ -350,8 +349,7 @@ def _free_corners(outline: Outline, tracing: _Tracing) -> list[Seed]:
     for ring in outline.rings:
         after = np.roll(ring, -1, axis=1) - ring
         before = np.roll(after, 1, axis=1)
-        turn = np.arctan2(cross(before, after), (before * after).sum(axis=0))
-        for i in np.flatnonzero(turn >= CORNER):
+        for i in np.flatnonzero(angle(before, after) >= CORNER):
             x = ring[:, i]
             if not (
                 tracing.held_at(x - before[:, i] / 2)

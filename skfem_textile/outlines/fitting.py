@@ -26,6 +26,7 @@ from ..mesh.selection import (
 from ..mesh.splitting import corner_areas
 from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
+from .cells import cross
 from .fibres import singular_fibres
 from .outline import Outline
 
@@ -190,12 +191,11 @@ class _Fit:
         """Twice the signed areas of the triangles or corners, shape (k, n_elements)."""
         if len(self.t) == 4:
             return corner_areas(MeshQuad(self.p, self.t))
-        a, b, c = self.p[:, self.t].transpose(1, 0, 2)
-        return np.abs((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0])[None]
+        return np.abs(self._signed())[None]
 
     def _signed(self) -> ndarray:
         a, b, c = self.p[:, self.t[:3]].transpose(1, 0, 2)
-        return (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]
+        return cross(b - a, c - a)
 
     def move(self, i: int) -> None:
         """Move nodes near a fibre onto it, unless elements would become slivers."""
@@ -239,7 +239,7 @@ class _Fit:
     def is_crossed(self, i: int) -> bool:
         """True if a fibre crosses edges or runs along diagonals of quadrilaterals."""
         on = self._on[i][self.t]
-        diagonal = (on[0] & on[2] & ~on[1] & ~on[3]) | (on[1] & on[3] & ~on[0] & ~on[2])
+        diagonal = (on == on[[2, 3, 0, 1]]).all(axis=0) & (on[0] != on[1])
         return bool(diagonal.any() or self._crossings(i)[0].size)
 
     def halve_quads(self) -> None:
@@ -247,14 +247,11 @@ class _Fit:
         corner = corner_areas(MeshQuad(self.p, self.t))
         switch = corner[1::2].min(axis=0) < corner[::2].min(axis=0)
         for on in self._on:
-            first, second = (
-                on[self.t[[0, 2]]].all(axis=0),
-                on[self.t[[1, 3]]].all(axis=0),
-            )
+            first, second = (on[self.t[k::2]].all(axis=0) for k in (0, 1))
             switch = np.where(first != second, second, switch)
         # Only convex corners may lie beside the diagonal.
-        switch = np.where((corner[[0, 2]] <= 0).any(axis=0), False, switch)
-        switch = np.where((corner[[1, 3]] <= 0).any(axis=0), True, switch)
+        switch &= (corner[::2] > 0).all(axis=0)
+        switch |= (corner[1::2] <= 0).any(axis=0)
         t = np.where(switch, np.roll(self.t, -1, axis=0), self.t)
         self.t = np.hstack([t[[0, 1, 2]], t[[0, 2, 3]]])
         self.parent = np.tile(self.parent, 2)
@@ -403,10 +400,9 @@ class _Fit:
 
 def _regions(mesh: Mesh) -> ndarray:
     """Number of each element's set of subdomains, shape (n_elements,)."""
-    sub = [np.asarray(s, dtype=int) for s in (mesh.subdomains or {}).values()]
-    inside = np.zeros((len(sub), mesh.nelements), dtype=bool)
-    for row, elements in zip(inside, sub, strict=True):
-        row[elements] = True
+    n = np.arange(mesh.nelements)
+    rows = [np.isin(n, elements) for elements in (mesh.subdomains or {}).values()]
+    inside = np.reshape(rows, (-1, len(n)))
     return np.unique(inside, axis=1, return_inverse=True)[1].ravel()
 
 

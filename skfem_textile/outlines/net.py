@@ -1,18 +1,221 @@
-"""Nets of lines along straight fibres, cut at the outline.
+"""Nets of lines along straight fibres, graded or equally spaced, cut at the outline.
+
+In coordinates along the fibres, X = s₁ A₁ + s₂ A₂, they are s₁ = a and s₂ = b.  A
+motion without fibre stretch is x = f(s₁) + g(s₂).  If f and g have kinks only at lines
+of the net, the motion is linear in every cell and in every part of a cell, and elements
+that are cells or parts of them represent it exactly.
 
 Lines of both families pass through the whole outline, which cuts their cells.  Nodes
 that would cause slivers are moved onto it.
 """
 
+import logging
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy import ndarray
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import KDTree
 
-from .lines import Lines, nearest
+from ..mesh.graph import boundary_edges, components, edges_of
 from .rings import NEAR
+
+log = logging.getLogger(__name__)
+
+# Maximum number of cells of equally spaced lines.  They take half a minute.
+_MOST_CELLS = 4e6
+
+# Largest number of graded lines between two given ones: a bound on the memory.
+_MOST_LINES = 1e5
+
+# Smallest gap between lines that are added so that the families meet at the sides,
+# relative to the spacing: a guard against small elements.
+_NARROWEST = 0.2
+
+
+class Lines(NamedTuple):
+    """Lines of a family in ascending order, and which of them stay edges of a net."""
+
+    at: ndarray
+    strong: ndarray
+
+
+def nearest(lines: ndarray, x: ndarray) -> ndarray:
+    """Index of the nearest line."""
+    return np.searchsorted((lines[1:] + lines[:-1]) / 2, x)
+
+
+def graded(
+    keys: ndarray,
+    strong: ndarray,
+    finest: float,
+    largest: float,
+    growth: float,
+    density: float = 1.0,
+) -> ndarray:
+    """Add lines between given ones, graded towards the strong ones.
+
+    Parameters
+    ----------
+    keys
+        Lines in ascending order.
+    strong
+        One bool per line.
+    finest, largest, growth
+        Distance of lines at the strong ones, its limit, and its derivative with respect
+        to the distance from them.
+    density
+        Factor of the number of lines.
+
+    Raises
+    ------
+    ValueError
+        If there would be too many lines.
+    """
+    lines = [keys[:1]]
+    for (low, high), ends in zip(pairwise(keys), pairwise(strong), strict=True):
+        x = (high - low) * _SAMPLES
+        size = np.full_like(x, largest)
+        for is_strong, distance in zip(ends, (x, x[::-1]), strict=True):
+            if is_strong:
+                size = np.minimum(size, finest + growth * distance)
+        # Number of lines up to each distance: the integral of 1/size.
+        count = density * cumulative_trapezoid(1 / size, x, initial=0)
+        if count[-1] > _MOST_LINES:
+            raise ValueError(
+                f"the density {density:g} would give about {count[-1]:.1g} lines of a "
+                "family: choose a smaller one"
+            )
+        n = max(1, int(np.ceil(count[-1] - 1e-6)))
+        shares = np.arange(1, n + 1) / n * count[-1]
+        lines.append(np.append(low + np.interp(shares[:-1], count, x), high))
+    return np.concatenate(lines)
+
+
+# Positions in a gap between two lines, from 0 to 1, dense and symmetric at both ends.
+_SAMPLES = np.geomspace(1e-6, 0.5, 200)
+_SAMPLES = np.concatenate([[0.0], _SAMPLES, 1 - _SAMPLES[-2::-1], [1.0]])
+
+
+def even(
+    corners: ndarray, sides: ndarray, in_spacings: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Equally spaced lines between those through given points.
+
+    If possible, lines of both families meet wherever one meets a side; otherwise this
+    is logged.
+
+    Parameters
+    ----------
+    corners
+        Points through which lines of both families pass, shape (2, n).
+    sides
+        Starts and ends of the sides, which are among the corners, shape (2, 2,
+        n_sides).
+    in_spacings
+        Matrix that converts a difference of coordinates to multiples of the largest
+        distances along x and y between lines at the sides.
+
+    Returns
+    -------
+    tuple of ndarray
+        Lines a and b, in ascending order.
+
+    Raises
+    ------
+    ValueError
+        If there would be more than 4e6 cells.
+    """
+    outline = _Sides(corners, sides, in_spacings)
+    through = outline.distinct(corners[0]), outline.distinct(corners[1])
+    closed = outline.closed(through)
+    if closed is None:
+        log.info(
+            "mesh along the fibres: some lines of warp and weft do not meet at the "
+            "sides; elements there may be thin, and may lock where a side is fixed"
+        )
+    keys = closed or through
+    counts = [np.ceil(outline.spacings(i, keys[i]) - 1e-6).clip(min=1) for i in (0, 1)]
+    if closed:
+        counts = outline.matched(closed, counts)
+    if (cells := counts[0].sum() * counts[1].sum()) > _MOST_CELLS:
+        raise ValueError(
+            f"the spacing is too small: the mesh would have about {cells:.1g} cells, "
+            f"more than {_MOST_CELLS:g}"
+        )
+    a, b = (
+        np.interp(np.arange(n.sum() + 1), np.cumsum([0, *n]), at)
+        for at, n in zip(keys, counts, strict=True)
+    )
+    return a, b
+
+
+class _Sides:
+    """Sides of an outline in coordinates along the fibres; arguments as of `even`."""
+
+    def __init__(self, corners: ndarray, sides: ndarray, in_spacings: ndarray) -> None:
+        self._start, self._along = sides[0], sides[1] - sides[0]
+        self._lengths = np.linalg.norm(in_spacings @ self._along, axis=0)
+        self._near = NEAR * np.ptp(corners, axis=1).max()
+        self._oblique = np.abs(self._along) > self._near
+
+    def distinct(self, lines: ndarray) -> ndarray:
+        """Lines in ascending order, without those that coincide with another."""
+        lines = np.sort(lines)
+        return lines[np.diff(lines, prepend=-np.inf) > self._near]
+
+    def closed(self, lines: tuple[ndarray, ndarray]) -> tuple[ndarray, ndarray] | None:
+        """Lines, and lines of the other family where they meet the sides.
+
+        None if lines would be too close to each other.
+        """
+        while True:
+            a, b = (
+                self.distinct(np.append(lines[i], self._meet(1 - i, lines[1 - i])[2]))
+                for i in (0, 1)
+            )
+            if len(a) == len(lines[0]) and len(b) == len(lines[1]):
+                return lines
+            if min(self.spacings(0, a).min(), self.spacings(1, b).min()) < _NARROWEST:
+                return None
+            lines = a, b
+
+    def spacings(self, axis: int, lines: ndarray) -> ndarray:
+        """Number of spacings along the sides between adjacent lines, not rounded."""
+        side, gap, _ = self._meet(axis, (lines[1:] + lines[:-1]) / 2)
+        most = np.zeros(len(lines) - 1)
+        along = np.abs(self._along[axis, side])
+        np.maximum.at(most, gap, self._lengths[side] / along)
+        return most * np.diff(lines)
+
+    def matched(
+        self, lines: tuple[ndarray, ndarray], counts: list[ndarray]
+    ) -> list[ndarray]:
+        """Subdivisions for which added lines in a closed net meet at the sides.
+
+        Each side joins a gap between lines of one family to one of the other.
+        """
+        a, b = lines
+        side, i, at = self._meet(0, (a[1:] + a[:-1]) / 2)
+        joined = self._oblique[1, side]
+        i, j = i[joined], np.searchsorted(b, at[joined]) - 1 + len(counts[0])
+        n = len(counts[0]) + len(counts[1])
+        label = components(n, (i, j))
+        most = np.zeros(n)
+        np.maximum.at(most, label, np.concatenate(counts))
+        return np.split(most[label], [len(counts[0])])
+
+    def _meet(self, axis: int, lines: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """Intersections of lines with sides: sides, lines and other coordinates."""
+        crossed = np.flatnonzero(self._oblique[axis])
+        start, along = self._start[:, crossed, None], self._along[:, crossed, None]
+        share = (lines - start[axis]) / along[axis]
+        at = start[1 - axis] + share * along[1 - axis]
+        side, line = np.nonzero((share >= 0) & (share <= 1))
+        return crossed[side], line, at[side, line]
+
 
 # Edges shorter than this share of a cell are collapsed, a guard against slivers: it
 # bounds the distortion of the neighbours.
@@ -145,18 +348,17 @@ def _triangles(
 
     # Nodes in the interior of an edge, where the outline touches a line.
     used = np.unique(number)
-    inside = [_between(points, used, quads[k - 1], quads[k]) for k in range(4)]
-    split = np.any([np.diff(hits.first) > 0 for hits in inside], axis=0)
+    inside = [_between(points, used, quads[k - 1], quads[k])[1] for k in range(4)]
+    split = np.any(inside, axis=0)
     of_quads = _halved(quads[:, ~split], (i + j)[~split] % 2 == 1)
     n_split = np.count_nonzero(split)
     nodes = np.concatenate([nodes, quads[:, split].T.ravel()])
     of_ring = np.append(of_ring, len(rings) + np.repeat(np.arange(n_split), 4))
     of_part = np.append(of_part, len(parts) + np.arange(n_split))
     following = nodes[_next(of_ring)]
-    hits = _between(points, used, nodes, following)
-    counts = np.diff(hits.first)
+    hits, counts = _between(points, used, nodes, following)
     place = np.repeat(np.arange(len(nodes)) + 1, counts)
-    nodes = np.insert(nodes, place, hits.nodes)
+    nodes = np.insert(nodes, place, hits)
     of_ring = np.repeat(of_ring, 1 + counts)
     of_pieces = _triangulated(points @ A.T, nodes, of_ring, of_part)
     t = np.hstack([of_quads, of_pieces])
@@ -178,15 +380,13 @@ def _joined(points: ndarray, near: float) -> tuple[ndarray, ndarray]:
     return same[number.ravel()], distinct
 
 
-class _Hits(NamedTuple):
-    """Nodes in the interior of edges, in order, and the first of each edge."""
+def _between(
+    points: ndarray, used: ndarray, start: ndarray, end: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Used nodes in the interior of edges along a line of either family.
 
-    nodes: ndarray
-    first: ndarray
-
-
-def _between(points: ndarray, used: ndarray, start: ndarray, end: ndarray) -> _Hits:
-    """Used nodes in the interior of edges along a line of either family."""
+    In the order of the edges, and the number of them on each edge.
+    """
     found = [np.empty(0, dtype=int)] * 2
     edges = [np.empty(0, dtype=int)] * 2
     for axis in range(2):
@@ -195,19 +395,14 @@ def _between(points: ndarray, used: ndarray, start: ndarray, end: ndarray) -> _H
         order = used[np.lexsort((points[used, 1 - axis], points[used, axis]))]
         rank = np.empty(len(points), dtype=int)
         rank[order] = np.arange(len(order))
-        low, high = np.sort([rank[start[which]], rank[end[which]]], axis=0)
-        n = high - low - 1
+        begin, steps = rank[start[which]], rank[end[which]] - rank[start[which]]
+        n = np.abs(steps) - 1
         edges[axis] = np.repeat(which, n)
-        offset = np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n)
-        up = np.repeat(rank[start[which]] < rank[end[which]], n)
-        at = np.where(
-            up, np.repeat(low, n) + 1 + offset, np.repeat(high, n) - 1 - offset
-        )
-        found[axis] = order[at]
+        step = 1 + np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n)
+        found[axis] = order[np.repeat(begin, n) + np.repeat(np.sign(steps), n) * step]
     edge, nodes = np.concatenate(edges), np.concatenate(found)
     order = np.argsort(edge, kind="stable")
-    first = np.searchsorted(edge[order], np.arange(len(start) + 1))
-    return _Hits(nodes[order], first)
+    return nodes[order], np.bincount(edge, minlength=len(start))
 
 
 def _next(of_ring: ndarray) -> ndarray:
@@ -283,10 +478,8 @@ class _Collapse:
             for axis, x in enumerate((a, b))
             for k in [nearest(x.at, points[:, axis])]
         ]
-        edges = np.sort(np.concatenate([t[[0, 1]], t[[1, 2]], t[[2, 0]]], axis=1).T)
-        edges, count = np.unique(edges, axis=0, return_counts=True)
         self._beside: dict[int, set[int]] = {}  # neighbours along the boundary
-        for p, q in edges[count == 1].tolist():
+        for p, q in boundary_edges([t]).T.tolist():
             self._beside.setdefault(p, set()).add(q)
             self._beside.setdefault(q, set()).add(p)
         order = np.argsort(t.ravel(), kind="stable")
@@ -297,9 +490,7 @@ class _Collapse:
     def triangles(self) -> ndarray:
         """Triangles after all collapses, shape (3, n)."""
         for _ in range(5):
-            t = self._t[self._alive]
-            edges = np.sort(np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]]))
-            edges = np.unique(edges, axis=0)
+            edges = edges_of([self._t[self._alive].T])[0].T
             length = self._length(edges)
             short = np.flatnonzero(length < _SHORTEST)
             short = short[np.argsort(length[short], kind="stable")]

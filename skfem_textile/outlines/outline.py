@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import shapely
@@ -21,9 +21,6 @@ from .rings import (
     rings_of_segments,
     valid_ring,
 )
-
-if TYPE_CHECKING:
-    from .drawings.curves import Curve
 
 #: Name of the elements of a mesh outside of the regions of its outline.
 REST = "rest"
@@ -99,10 +96,9 @@ class Outline:
         points: Mapping[str, ArrayLike] | None = None,
         regions: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        given = [valid_ring("the outline", polygon)]
-        given += [
-            valid_ring(_hole(i, len(holes)), hole) for i, hole in enumerate(holes)
-        ]
+        self._what = ["the outline", *_names_of_holes(len(holes))]
+        both = zip(self._what, (polygon, *holes), strict=True)
+        given = [valid_ring(*one) for one in both]
         turned = [(signed_area(r) < 0) == (i == 0) for i, r in enumerate(given)]
         self.rings = [
             np.ascontiguousarray(r[:, ::-1]) if t else r
@@ -138,7 +134,7 @@ class Outline:
     def _refuse_contact(self) -> None:
         rings = [shapely.LinearRing(ring.T) for ring in self.rings]
         outer = shapely.Polygon(self.polygon.T)
-        what = [_hole(i - 1, len(self.holes)) for i in range(len(rings))]
+        what = self._what
         shapely.prepare([rings[0], outer])
         for i, ring in enumerate(rings[1:], start=1):
             if rings[0].dwithin(ring, NEAR * self.size):
@@ -196,18 +192,16 @@ class Outline:
                 if on.any():
                     default = np.pad(on, (0, first[-1] - sizes[0]))
                     boundaries.setdefault(name, default)
-        for i in range(len(self.holes)):
-            of_hole = np.zeros(first[-1], dtype=bool)
-            of_hole[first[i + 1] : first[i + 2]] = True
-            boundaries.setdefault(_hole(i, len(self.holes)), of_hole)
+        of_ring = np.repeat(np.arange(len(sizes)), sizes)
+        for i, name in enumerate(self._what[1:], start=1):
+            boundaries.setdefault(name, of_ring == i)
         return boundaries
 
     def _first_names(self) -> list[list[str]]:
-        names = np.full(sum(ring.shape[1] for ring in self.rings), "", dtype=object)
+        names = np.full(self.edges()[0].shape[1], "", dtype=object)
         for name, edges in reversed(self.boundaries.items()):
             names[edges] = name
-        ends = np.cumsum([ring.shape[1] for ring in self.rings])
-        return [part.tolist() for part in np.split(names, ends[:-1])]
+        return [part.tolist() for part in by_ring(self.rings, names)]
 
     def _point(self, name: str, position: ArrayLike) -> ndarray:
         x = real_numbers(f"point {name!r}", position)
@@ -302,7 +296,7 @@ class Outline:
         from .drawings.dxf import curves_of_dxf
 
         curves = curves_of_dxf(path, tolerance, unit, layer)
-        return cls._of_curves(curves, printable(path), tolerance, more)
+        return cls._of_rings(rings_of_curves(curves, printable(path), tolerance), more)
 
     @classmethod
     def from_svg(
@@ -340,17 +334,7 @@ class Outline:
         from .drawings.svg import curves_of_svg
 
         curves = curves_of_svg(path, tolerance, unit, layer)
-        return cls._of_curves(curves, printable(path), tolerance, more)
-
-    @classmethod
-    def _of_curves(
-        cls,
-        curves: Sequence["Curve"],
-        what: str,
-        tolerance: float,
-        more: Mapping[str, Any],
-    ) -> Self:
-        return cls._of_rings(rings_of_curves(curves, what, tolerance), more)
+        return cls._of_rings(rings_of_curves(curves, printable(path), tolerance), more)
 
     @classmethod
     def _of_rings(cls, rings: Sequence[Ring], more: Mapping[str, Any]) -> Self:
@@ -364,14 +348,20 @@ class Outline:
         return cls(corners[0], corners[1:], edges, **more)
 
 
+def by_ring(rings: Sequence[ndarray], values: ndarray) -> list[ndarray]:
+    """Values of edges, shape (..., n_edges), in parts of one ring each."""
+    ends = np.cumsum([ring.shape[1] for ring in rings])
+    return np.split(values, ends[:-1], axis=-1)
+
+
 def signed_area(ring: ndarray) -> float:
     """Area of a polygon with corners (2, n), positive if they run anticlockwise."""
     x, y = ring - ring[:, :1]
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-def _hole(i: int, n: int) -> str:
-    return "hole" if n == 1 else f"hole {i + 1}"
+def _names_of_holes(n: int) -> list[str]:
+    return ["hole"] if n == 1 else [f"hole {i + 1}" for i in range(n)]
 
 
 def _pairs(name: str, edges: Edges) -> list[tuple[int, ndarray]]:

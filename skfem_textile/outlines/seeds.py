@@ -85,15 +85,14 @@ class Part:
 
     def runs(self, near: float, turn: float) -> list[tuple[ndarray, ndarray]]:
         """Ends of straight runs of pieces, which turn by less than ``turn`` radians."""
+        if not self.start.size:
+            return []
         along = self.end - self.start
         angle = np.arctan2(along[1], along[0])
-        after = np.full(len(angle), -1)
-        for i in range(len(angle)):
-            gap = np.hypot(*(self.start - self.end[:, i : i + 1]))
-            j = int(gap.argmin())
-            turned = (angle[j] - angle[i] + np.pi) % (2 * np.pi) - np.pi
-            if gap[j] <= near and abs(turned) < turn:
-                after[i] = j
+        gap, following = KDTree(self.start.T).query(self.end.T)
+        turned = (angle[following] - angle + np.pi) % (2 * np.pi) - np.pi
+        goes_on = (gap <= near) & (np.abs(turned) < turn)
+        after = np.where(goes_on, following, -1)
         first = np.setdiff1d(np.arange(len(angle)), after)
         runs = []
         for i in first:
@@ -167,17 +166,15 @@ def _where(what: str, where: Callable[[ndarray], ndarray], outline: Outline) -> 
     starts, ends, corners = [], [], []
     for i in range(start.shape[1]):
 
-        def at(share: float, i: int = i) -> ndarray:
-            return start[:, i] + share * (end[:, i] - start[:, i])
+        def at(share: ndarray | float, i: int = i) -> ndarray:
+            return start[:, [i]] + share * (end - start)[:, [i]]
 
-        changes = np.flatnonzero(chosen[i, 1:] != chosen[i, :-1])
+        def changes(share: ndarray, at: Callable[[Any], ndarray] = at) -> ndarray:
+            return np.diff(holds(at(share)))
+
         cuts = []
-        for k in changes:
-            low, high = s[k], s[k + 1]
-            for _ in range(_HALVINGS):
-                middle = 0.5 * (low + high)
-                same = bool(holds(at(middle)[:, None])[0]) == chosen[i, k]
-                low, high = (middle, high) if same else (low, middle)
+        for k in np.flatnonzero(np.diff(chosen[i])):
+            low, high = _narrowed(changes, s[k], s[k + 1])
             cuts.append(low if chosen[i, k] else high)
         bounds = [0.0, *cuts, 1.0]
         for j in range(0 if chosen[i, 0] else 1, len(bounds) - 1, 2):
@@ -186,8 +183,8 @@ def _where(what: str, where: Callable[[ndarray], ndarray], outline: Outline) -> 
             if at_corner and high - low < _AT_CORNER:
                 corners.append(start[:, i] if low == 0 else end[:, i])
             else:
-                starts.append(start[:, i] if low == 0 else at(low))
-                ends.append(end[:, i] if high == 1 else at(high))
+                starts.append(start[:, i] if low == 0 else at(low)[:, 0])
+                ends.append(end[:, i] if high == 1 else at(high)[:, 0])
     part = Part(np.reshape(starts, (-1, 2)).T, np.reshape(ends, (-1, 2)).T)
     near = NEAR * outline.size
     for x in corners:
@@ -211,8 +208,8 @@ class ConditionSeeds:
 
     Attributes
     ----------
-    start, end
-        Ends of the pieces that are held, partly held or driven, shape (2, n).
+    held
+        Pieces that are held, partly held or driven, of shape (2, 2).
     names
         Condition of each piece.
     seeds
@@ -223,8 +220,7 @@ class ConditionSeeds:
         Names of terms at which no fibres start.
     """
 
-    start: ndarray
-    end: ndarray
+    held: list[ndarray]
     names: list[str]
     seeds: list[Seed]
     notes: list[str]
@@ -244,7 +240,7 @@ def seeds_of_conditions(
     near, others = NEAR * outline.size, []
     notes: list[str] = []
     seeds = [Seed(x, f"point {name}") for name, x in outline.points.items()]
-    parts: list[Part] = []
+    held: list[ndarray] = []
     names: list[str] = []
     conditions = {} if conditions is None else conditions
     if not isinstance(conditions, Mapping):
@@ -264,7 +260,7 @@ def seeds_of_conditions(
             )
         part = part_of(what, condition.where, outline)
         label = condition.where if isinstance(condition.where, str) else name
-        parts.append(part)
+        held += list(np.stack([part.start.T, part.end.T], axis=2))
         names += [label] * part.start.shape[1]
         seeds += _of_part(part, label, near)
         seeds += _of_motion(part, name, condition, label, near)
@@ -289,10 +285,7 @@ def seeds_of_conditions(
             for ends in part.runs(near, NEAR):
                 jumps = _jumps(what, load.value, *ends)
                 seeds += [Seed(x, f"jump of {what}") for x in jumps]
-    none = [np.empty((2, 0))]
-    start = np.hstack(none + [part.start for part in parts])
-    end = np.hstack(none + [part.end for part in parts])
-    return ConditionSeeds(start, end, names, seeds, notes, others)
+    return ConditionSeeds(held, names, seeds, notes, others)
 
 
 def _of_part(part: Part, label: str, near: float) -> list[Seed]:
@@ -362,6 +355,17 @@ def _kinks(
     return kinks
 
 
+def _narrowed(
+    steps: Callable[[ndarray], ndarray], low: float, high: float
+) -> tuple[float, float]:
+    """Interval in which a function jumps, from its ``steps`` between positions."""
+    for _ in range(_HALVINGS):
+        halves = np.linspace(low, high, 3)
+        half = int(steps(halves).argmax())
+        low, high = halves[half], halves[half + 1]
+    return low, high
+
+
 def _jumps(what: str, value: Any, start: ndarray, end: ndarray) -> list[ndarray]:
     """Points between two ends at which a function of position jumps."""
 
@@ -375,12 +379,8 @@ def _jumps(what: str, value: Any, start: ndarray, end: ndarray) -> list[ndarray]
     first = steps(s)
     jumps = []
     for i in np.flatnonzero(first > _JUMP * first.sum()):
-        low, high, step = s[i], s[i + 1], first[i]
-        for _ in range(_HALVINGS):
-            halves = np.linspace(low, high, 3)
-            half = int(steps(halves).argmax())
-            low, high = halves[half], halves[half + 1]
-        if steps(np.array([low, high]))[0] > step / 2:
+        low, high = _narrowed(steps, s[i], s[i + 1])
+        if steps(np.array([low, high]))[0] > first[i] / 2:
             jumps.append(start + 0.5 * (low + high) * (end - start))
     return jumps
 

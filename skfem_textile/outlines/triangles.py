@@ -8,6 +8,7 @@ small angles between lines, segments are divided on circles around the common co
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import Delaunay, KDTree
 
 from ..mesh.user_input import coords
-from .cells import CORNER
+from .cells import CORNER, angle, corners_of_rings, cross
 
 # Distance relative to the extent below which points coincide.  It is far above the
 # error of curved fibres on the outline (1e-9).
@@ -172,22 +173,30 @@ class _Chain:
     ends: tuple[int, int]
     line: int
 
+    @cached_property
+    def s(self) -> ndarray:
+        """Distances of the points from the first one along the line."""
+        steps = np.linalg.norm(np.diff(self.x, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
     @property
     def length(self) -> float:
-        return float(np.linalg.norm(np.diff(self.x, axis=0), axis=1).sum())
+        return float(self.s[-1])
+
+    def at(self, s: ndarray) -> ndarray:
+        """Points at distances along the line, shape (n, 2)."""
+        return np.stack([np.interp(s, self.s, xi) for xi in self.x.T], axis=-1)
 
     @property
     def turn(self) -> float:
-        u = np.diff(self.x, axis=0)
-        u /= np.linalg.norm(u, axis=1)[:, None]
-        return float(np.arccos(np.clip((u[1:] * u[:-1]).sum(axis=1), -1, 1)).sum())
+        sides = np.diff(self.x, axis=0).T
+        return float(np.abs(angle(sides[:, :-1], sides[:, 1:])).sum())
 
 
 def _corners(shape: shapely.Polygon, side: float) -> ndarray:
     """Corners between two sides longer than a length, shape (2, n)."""
     found = []
-    for ring in (shape.exterior, *shape.interiors):
-        x = np.array(ring.coords)[:-1].T
+    for x in corners_of_rings(shape):
         length = np.hypot(*(np.roll(x, -1, axis=1) - x))
         found.append(x[:, np.minimum(length, np.roll(length, 1)) > side])
     return np.hstack(found)
@@ -254,10 +263,10 @@ def _chains(
     ends, line = ends[:, used], line[used]
     exact = np.hstack([shapely.get_coordinates(boundary).T, fixed]).T
     distance, at = KDTree(x).query(exact)
-    x[at[distance <= 4 * near]] = exact[distance <= 4 * near]
-    distance, at = KDTree(x).query(fixed.T) if fixed.size else (np.empty(0), [])
+    close = distance <= 4 * near
+    x[at[close]] = exact[close]
     kept = np.zeros(len(x), dtype=bool)
-    kept[np.asarray(at, dtype=int)[distance <= 4 * near]] = True
+    kept[at[close & (np.arange(len(at)) >= len(at) - fixed.shape[1])]] = True
     return _joined(x, ends, line, kept, size)
 
 
@@ -277,9 +286,7 @@ def _joined(
             rank[k] = max(rank[k], on_outline)
             continue
         u, v = (x[ends[:, i].sum() - k] - x[k] for i in sides)
-        turn = np.pi - np.arccos(
-            np.clip(u @ v / (np.linalg.norm(u) * np.linalg.norm(v)), -1, 1)
-        )
+        turn = abs(angle(u, -v))
         shorter = min(np.linalg.norm(u), np.linalg.norm(v))
         if turn > CORNER or turn * shorter > _KEPT * size:
             node[k], rank[k] = True, 2
@@ -289,8 +296,7 @@ def _joined(
         outline = [i for i in around[k] if line[i] < 0]
         if len(outline) == 2:
             u, v = (x[ends[:, i].sum() - k] - x[k] for i in outline)
-            across = abs(u[0] * v[1] - u[1] * v[0])
-            if across > 1e-6 * np.linalg.norm(u) * np.linalg.norm(v):
+            if abs(cross(u, v)) > 1e-6 * np.linalg.norm(u) * np.linalg.norm(v):
                 rank[k] = 2
     chains, left = [], set(range(len(line)))
 
@@ -324,10 +330,8 @@ def _collapsed(
     short = [c for c in chains if c.length < _COLLAPSED * size]
     for chain in sorted(short, key=lambda c: c.length):
         a, b = sorted((root[k] for k in chain.ends), key=lambda k: -rank[k])
-        across = (
-            chain.line >= 0 and rank[b] > 0
-        )  # would cut a corner of the outline off
-        if rank[b] < 2 and not across:
+        # A line would cut a corner of the outline off.
+        if rank[b] == 0 or (rank[b] == 1 and chain.line < 0):
             root[root == b] = a
     kept: dict[tuple[int, int], list[_Chain]] = {}
     for chain in sorted(chains, key=lambda c: c.line >= 0):  # the outline first
@@ -400,15 +404,11 @@ def _acute_corners(
     """True for nodes at which chains meet at a small angle."""
     directions: list[list[ndarray]] = [[] for _ in range(n)]
     for i, (a, b) in enumerate(ends.tolist()):
-        x = chains[i].x
-        s = np.linalg.norm(np.diff(x, axis=0), axis=1)
-        s = np.concatenate([[0], np.cumsum(s)])
-        for node, at in ((a, 0.0), (b, s[-1])):
-            step = min(spacing[i], s[-1] / 2)
-            other = at + step if at == 0 else at - step
-            u = np.array([np.interp(other, s, xi) for xi in x.T])
-            u -= x[0] if at == 0 else x[-1]
-            directions[node].append(np.arctan2(u[1], u[0]))
+        x, length = chains[i].x, chains[i].length
+        step = min(spacing[i], length / 2)
+        u, v = chains[i].at(np.array([step, length - step])) - x[[0, -1]]
+        directions[a].append(np.arctan2(u[1], u[0]))
+        directions[b].append(np.arctan2(v[1], v[0]))
     acute = np.zeros(n, dtype=bool)
     for k, angles in enumerate(directions):
         if len(angles) > 1:
@@ -420,11 +420,9 @@ def _acute_corners(
 
 def _along(chain: _Chain, spacing: float, acute: ndarray, least: float) -> ndarray:
     """Inner nodes of a chain, shape (n, 2)."""
-    x = chain.x
-    step = np.linalg.norm(np.diff(x, axis=0), axis=1)
-    s = np.concatenate([[0], np.cumsum(step)])
+    s = chain.s
     if spacing <= least:  # the line itself, divided
-        n = np.maximum(1, np.ceil(step / spacing - 1e-6)).astype(int)
+        n = np.maximum(1, np.ceil(np.diff(s) / spacing - 1e-6)).astype(int)
         parts = [
             np.linspace(a, b, k, endpoint=False)
             for a, b, k in zip(s[:-1], s[1:], n, strict=True)
@@ -444,7 +442,7 @@ def _along(chain: _Chain, spacing: float, acute: ndarray, least: float) -> ndarr
             inner.append(high)
         few = max(int(np.ceil((high - low) / spacing - 0.2)), fewest - len(inner), 1)
         at = np.union1d(inner, np.linspace(low, high, few + 1)[1:-1])
-    return np.stack([np.interp(at, s, xi) for xi in x.T], axis=1)
+    return chain.at(at)
 
 
 class _Refinement:
@@ -468,9 +466,8 @@ class _Refinement:
             own = self._s[:, k] >= n
             self._chain[self._s[own, k]] = self._chain_of_s[own]
         outline = shapely.linestrings(p[self._s[self._line < 0]])
-        parts = shapely.get_parts(shapely.polygonize(outline))
         self._shape = shapely.build_area(shapely.union_all(outline))
-        if not len(parts):
+        if self._shape.is_empty:
             raise ValueError("the lines of the outline do not close")
         shapely.prepare(self._shape)
         self._add_lattice(turn)
@@ -486,12 +483,10 @@ class _Refinement:
         t = self._inside(self._triangles())
         self._refuse_missing(t)
         used, t = np.unique(t, return_inverse=True)
-        number = np.full(len(self._p), -1)
-        number[used] = np.arange(len(used))
         return Triangulation(
             np.ascontiguousarray(self._p[used].T),
             np.ascontiguousarray(t.reshape(-1, 3).T),
-            number[self._s].T,
+            np.searchsorted(used, self._s).T,
             self._line,
         )
 
@@ -505,13 +500,13 @@ class _Refinement:
         # Qhull prefers points that are not on common circles.
         x += self._size * 1e-3 * np.exp(1j * np.arange(len(x)) ** 2)
         q = np.stack([x.real + (x0 + x1) / 2, x.imag + (y0 + y1) / 2], axis=1)
-        self._add_free(q[shapely.contains_xy(self._shape, *q.T)])
+        self._add(q[shapely.contains_xy(self._shape, *q.T)], -2)
         self._drop_close(_CLEARANCE)
 
-    def _add_free(self, q: ndarray) -> None:
+    def _add(self, q: ndarray, chain: ndarray | int) -> None:
         self._p = np.concatenate([self._p, q])
-        self._chain = np.concatenate([self._chain, np.full(len(q), -2)])
-        self._acute = np.concatenate([self._acute, np.zeros(len(q), dtype=bool)])
+        self._chain = np.append(self._chain, np.broadcast_to(chain, len(q)))
+        self._acute = np.append(self._acute, np.zeros(len(q), dtype=bool))
 
     def _drop_close(self, share: float) -> None:
         """Remove free nodes outside, or closer to segments than a share of these."""
@@ -525,16 +520,9 @@ class _Refinement:
         out = np.zeros(len(self._p), dtype=bool)
         out[free[close]] = True
         out[free[~shapely.contains(self._shape, q)]] = True
-        self._keep(~out)
-
-    def _keep(self, kept: ndarray) -> None:
-        number = np.cumsum(kept) - 1
-        self._p, self._chain, self._acute = (
-            self._p[kept],
-            self._chain[kept],
-            self._acute[kept],
-        )
-        self._s = number[self._s]
+        self._p, self._chain = self._p[~out], self._chain[~out]
+        self._acute = self._acute[~out]
+        self._s = (np.cumsum(~out) - 1)[self._s]
 
     def _triangles(self) -> ndarray:
         """Delaunay triangles with area, anticlockwise, shape (n, 3)."""
@@ -602,9 +590,7 @@ class _Refinement:
         share = np.where(one[:, 1] & ~one[:, 0], 1 - circle / length, share)
         q = a + share[:, None] * (b - a)
         k = len(self._p) + np.arange(len(q))
-        self._p = np.concatenate([self._p, q])
-        self._acute = np.concatenate([self._acute, np.zeros(len(q), dtype=bool)])
-        self._chain = np.concatenate([self._chain, self._chain_of_s[which]])
+        self._add(q, self._chain_of_s[which])
         halves = np.stack([k, ends[:, 1]], axis=1)
         self._s = self._s.copy()
         self._s[which, 1] = k
@@ -648,7 +634,7 @@ class _Refinement:
         halved &= half > _FINEST * self._size
         q = q[~within]
         q = q[shapely.contains_xy(self._shape, *q.T)]
-        self._add_free(q)
+        self._add(q, -2)
         return self._halve(np.flatnonzero(halved)) or len(q) > 0
 
     def _between_circles(self, t: ndarray, side: ndarray) -> ndarray:

@@ -15,7 +15,7 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.outlines import SINGULAR
-from skfem_textile.outlines.lines import graded
+from skfem_textile.outlines.net import graded
 from skfem_textile.scenes.bias_extension import force
 
 W, H = 50.0, 100.0

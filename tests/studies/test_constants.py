@@ -18,7 +18,7 @@ def test_constants_have_their_value_and_the_first_sentence_of_their_comment():
     assert SHORTEST.value == net._SHORTEST
     meaning = LISTED["outlines.meshing._SIZE"].meaning
     assert meaning == "Default size of triangles relative to √area"
-    assert "outlines.lines._SAMPLES" not in LISTED  # an array
+    assert "outlines.net._SAMPLES" not in LISTED  # an array
 
 
 def test_names_of_one_assignment_share_its_comment():

@@ -18,7 +18,7 @@ from ...mesh.user_input import (
     printable,
     refuse_unit,
 )
-from .curves import (
+from ..rings import (
     FINEST,
     SAGITTA,
     Curve,

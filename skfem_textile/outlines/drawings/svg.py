@@ -19,20 +19,21 @@ from ...mesh.user_input import (
     printable,
     refuse_unit,
 )
-from .curves import (
+from ..rings import (
     Curve,
     refuse_tolerance,
     refuse_too_many,
     selected,
 )
-from .shapes import SHAPES, polylines
-from .style import (
+from .elements import (
     CSS_IN_MM,
     NUMBER,
+    SHAPES,
     TRANSPARENT,
     Styles,
     number_and_unit,
     numbers,
+    polylines,
     tag_of,
     transform,
 )

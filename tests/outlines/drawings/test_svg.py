@@ -264,7 +264,7 @@ def test_what_is_clipped_on_other_layers_does_not_matter(read):
 
 
 def test_clones_of_clones_are_limited(read, monkeypatch):
-    monkeypatch.setattr("skfem_textile.outlines.drawings.curves._MOST", 500)
+    monkeypatch.setattr("skfem_textile.outlines.rings._MOST", 500)
     group = '<g id="n0"/>'
     for i in range(3):
         group += f'<g id="n{i + 1}">' + 10 * f'<use href="#n{i}"/>' + "</g>"

@@ -1,7 +1,7 @@
-"""Values of SVG elements: attributes, styles, style sheets, lengths, transforms."""
+"""Elements of SVG files: attributes, styles, transforms, and their polylines."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from operator import itemgetter
 from typing import NamedTuple
@@ -11,6 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...mesh.user_input import excerpt
+from ..rings import sampled
 
 #: Pattern of a number.
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -233,3 +234,225 @@ def _step(kind: str, arguments: list[tuple[float, str]]) -> ndarray | None:
     else:
         return None
     return step
+
+
+# Most segments of an arc.
+_MOST = 10_000
+
+#: Names of shapes.
+SHAPES = "path", "polygon", "polyline", "line", "rect", "circle", "ellipse"
+
+# Lengths of the attributes of shapes, and the direction in which they are measured.
+_LENGTHS = {
+    "line": {"x1": "x", "y1": "y", "x2": "x", "y2": "y"},
+    "rect": {"x": "x", "y": "y", "width": "x", "height": "y", "rx": "x", "ry": "y"},
+    "circle": {"cx": "x", "cy": "y", "r": "both"},
+    "ellipse": {"cx": "x", "cy": "y", "rx": "x", "ry": "y"},
+}
+
+
+def polylines(
+    what: str,
+    kind: str,
+    value: Callable[[str], str],
+    length: Callable[[str, str], float | None],
+    tolerance: float,
+) -> list[ndarray]:
+    """Polylines of a shape in its own units, each of shape (2, n).
+
+    Parameters
+    ----------
+    what
+        The element, for messages.
+    kind
+        One of `SHAPES`.
+    value
+        Value of an attribute as text.
+    length
+        Length of an attribute that is measured along ``x``, ``y`` or ``both``; None if
+        it is not given.
+    tolerance
+        Largest distance between a curve and its chords.
+
+    Raises
+    ------
+    ValueError
+        If an attribute is not valid.
+    """
+    if kind == "path":
+        d = value("d").strip()
+        return [] if d == "none" else _Path(what, d, tolerance).lines
+    if kind in ("polygon", "polyline"):
+        n = numbers(what, value("points"))
+        if len(n) % 2:
+            raise ValueError(f"{what}: points has an odd number of coordinates")
+        points = np.reshape(n, (-1, 2)).T
+        closed = kind == "polygon" and points.size
+        return [np.hstack([points, points[:, :1]]) if closed else points]
+    given = {name: length(name, axis) for name, axis in _LENGTHS[kind].items()}
+    a = {name: x or 0.0 for name, x in given.items()}
+    if min(a.get(name, 0.0) for name in ("width", "height", "r", "rx", "ry")) < 0:
+        raise ValueError(f"{what}: a length is negative")
+    if kind == "line":
+        return [np.array([[a["x1"], a["x2"]], [a["y1"], a["y2"]]])]
+    if given.get("rx", 0) is None or given.get("ry", 0) is None:
+        a["rx"] = a["ry"] = max(a["rx"], a["ry"])  # each is by default as the other
+    if kind == "rect":
+        return _rectangle(what, a, tolerance)
+    rx, ry = (a["r"], a["r"]) if kind == "circle" else (a["rx"], a["ry"])
+    if not (rx and ry):
+        return []
+    t = np.linspace(0, 2 * np.pi, _arc_points(2 * np.pi, max(rx, ry), tolerance))
+    ring = np.stack([a["cx"] + rx * np.cos(t), a["cy"] + ry * np.sin(t)])
+    ring[:, -1] = ring[:, 0]
+    return [ring]
+
+
+def _rectangle(what: str, a: dict[str, float], tolerance: float) -> list[ndarray]:
+    """A rectangle, which may have round corners."""
+    x, y, w, h = (a[name] for name in ("x", "y", "width", "height"))
+    if not (w and h):
+        return []
+    rx, ry = min(a["rx"], w / 2), min(a["ry"], h / 2)
+    if not (rx and ry):
+        return [np.array([[x, x + w, x + w, x, x], [y, y, y + h, y + h, y]])]
+    corner = f"a{rx!r} {ry!r} 0 0 1 "
+    d = (
+        f"M{x + rx!r} {y!r}H{x + w - rx!r}{corner}{rx!r} {ry!r}V{y + h - ry!r}"
+        f"{corner}{-rx!r} {ry!r}H{x + rx!r}{corner}{-rx!r} {-ry!r}V{y + ry!r}"
+        f"{corner}{rx!r} {-ry!r}Z"
+    )
+    return _Path(what, d, tolerance).lines
+
+
+def _arc_points(angle: float, radius: float, tolerance: float) -> int:
+    """Points along an arc so that chords stay within the tolerance."""
+    side = 2 * np.arccos(np.clip(1 - tolerance / max(radius, tolerance), -1, 1))
+    return 1 + int(np.clip(np.ceil(abs(angle) / min(side, np.pi / 4)), 1, _MOST))
+
+
+# Number of arguments of each command of a path.
+_SIZES = dict(zip("MLHVCSQTAZ", (2, 2, 1, 1, 6, 4, 4, 2, 7, 0), strict=True))
+
+
+class _Path:
+    """Polylines of the attribute ``d`` of a path."""
+
+    def __init__(self, what: str, d: str, tolerance: float) -> None:
+        self._what, self._tolerance = what, tolerance
+        self.lines: list[ndarray] = []
+        self._points: list[ndarray] = []
+        self._at = self._first = np.zeros(2)
+        self._control: tuple[str, ndarray] | None = None
+        self._begun = False
+        self._read(d)
+        self._end()
+        self.lines = [line for line in self.lines if line.shape[1] > 1]
+
+    def _read(self, d: str) -> None:
+        rest = d.strip()
+        command = ""
+        while rest:
+            if rest[0].isalpha():
+                command, rest = rest[0], rest[1:].lstrip(" \t\r\n,")
+            elif command.upper() == "M":
+                command = "L" if command == "M" else "l"  # more points are lines
+            n = _SIZES.get(command.upper(), -1)
+            numbers = []
+            for i in range(n):
+                flag = command in "aA" and i in (3, 4)  # may be joined to the next
+                found = re.match(r"[01]", rest) if flag else NUMBER.match(rest)
+                if not found:
+                    break
+                numbers.append(float(found.group()))
+                rest = rest[found.end() :].lstrip(" \t\r\n,")
+            misplaced = (n == 0 and rest and not rest[0].isalpha()) or not (
+                self._begun or command in "Mm"
+            )
+            if len(numbers) < n or n < 0 or misplaced:
+                raise ValueError(
+                    f"{self._what}: the path is not valid near "
+                    f"{excerpt((command + rest)[:20])!r}"
+                )
+            self._begun = True
+            self._add(command.upper(), np.array(numbers), command.islower())
+
+    def _add(self, command: str, a: ndarray, relative: bool) -> None:
+        origin = self._at if relative else np.zeros(2)
+        control, self._control = self._control, None
+        if command == "M":
+            self._end()
+            self._at = self._first = origin + a
+        elif command == "Z":
+            self._line(self._first)
+            self._end()
+        elif command == "L":
+            self._line(origin + a)
+        elif command in "HV":
+            x = self._at.copy()
+            axis = "HV".index(command)
+            x[axis] = origin[axis] + a[0]
+            self._line(x)
+        elif command == "A":
+            self._arc(a[:2], a[2], bool(a[3]), bool(a[4]), origin + a[5:])
+        else:
+            points = list(origin + a.reshape(-1, 2))
+            kind = "C" if command in "CS" else "Q"
+            if command in "ST":
+                mirrored = self._at
+                if control and control[0] == kind:
+                    mirrored = 2 * self._at - control[1]
+                points.insert(0, mirrored)
+            self._control = kind, points[-2]
+            self._bezier(np.array([self._at, *points]))
+
+    def _line(self, x: ndarray) -> None:
+        if not self._points:
+            self._points.append(self._at)
+        if (x != self._points[-1]).any():
+            self._points.append(x)
+        self._at = x
+
+    def _end(self) -> None:
+        if self._points:
+            self.lines.append(np.stack(self._points, axis=1))
+        self._points = []
+
+    def _bezier(self, controls: ndarray) -> None:
+        """Bézier curve with control points of shape (n, 2)."""
+
+        def at(t: ndarray) -> ndarray:
+            p = controls[:, :, None]
+            while len(p) > 1:
+                p = p[:-1] + t * (p[1:] - p[:-1])
+            return p[0]
+
+        for x in sampled(at, self._tolerance).T[1:]:
+            self._line(x)
+
+    def _arc(
+        self, radii: ndarray, tilt: float, large: bool, sweep: bool, end: ndarray
+    ) -> None:
+        """Elliptical arc, by the implementation notes of SVG 1.1, F.6."""
+        start = self._at
+        if not radii.all() or (start == end).all():
+            return self._line(end)
+        c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
+        R, radii = np.array([[c, -s], [s, c]]), np.abs(radii)
+        half = R.T @ (start - end) / 2 / radii
+        radii = radii * max(1.0, float(np.hypot(*half)))
+        half /= max(1.0, float(np.hypot(*half)))
+        square = max(0.0, 1 / float(half @ half) - 1)
+        sign = 1.0 if large != sweep else -1.0
+        centre = sign * np.sqrt(square) * np.array([half[1], -half[0]])
+        first, last = (np.arctan2(*(v - centre)[::-1]) for v in (half, -half))
+        turn = (last - first) % (2 * np.pi) - (0 if sweep else 2 * np.pi)
+        n = _arc_points(turn, float(radii.max()), self._tolerance)
+        t = first + turn * np.linspace(0, 1, n)
+        ring = R @ (
+            radii[:, None] * (centre[:, None] + np.stack([np.cos(t), np.sin(t)]))
+        )
+        points = ring + ((start + end) / 2)[:, None]
+        for x in [*points.T[1:-1], end]:
+            self._line(x)
+        return None
