@@ -10,13 +10,13 @@ from .nets.crossings import (
     Net as Net,
     NetError as NetError,
 )
-from .nets.dart_pattern import (
+from .nets.flat_pattern import (
     Dart as Dart,
     PatternWithDarts as PatternWithDarts,
     pattern_with_darts as pattern_with_darts,
 )
 from .nets.darts import NetWithDarts as NetWithDarts, net_with_darts as net_with_darts
-from .nets.fibres_in_space import (
+from .nets.sheet import (
     FibresInSpace as FibresInSpace,
     fibres_on_ply as fibres_on_ply,
     fibres_on_tool as fibres_on_tool,
@@ -26,14 +26,13 @@ from .nets.flat_pattern import (
     SeamLine as SeamLine,
     flat_pattern as flat_pattern,
 )
-from .nets.guide_curve import edge_through as edge_through
 from .nets.kinematic_net import NetStart as NetStart, net as net, nets as nets
-from .nets.laying import Status as Status
+from .nets.laying import Status as Status, edge_through as edge_through
 from .nets.part import (
     points_of_part as points_of_part,
     triangles_of_part as triangles_of_part,
 )
-from .surfaces.punch_and_die import Die as Die, Punch as Punch
+from .surfaces.analytic import Die as Die, Punch as Punch
 from .contact.risks import (
     beyond_edges as beyond_edges,
     bridging as bridging,

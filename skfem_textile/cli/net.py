@@ -29,8 +29,8 @@ from .results import PATTERN, write_patterns
 
 if TYPE_CHECKING:
     from ..nets.crossings import Net
-    from ..nets.fibres_in_space import FibresInSpace
     from ..nets.flat_pattern import FlatPattern
+    from ..nets.sheet import FibresInSpace
     from ..surfaces.triangle_mesh import TriangleMesh
 
 # Files of the command.
@@ -233,10 +233,9 @@ def _off_tool(
     tool: "TriangleMesh", curve: ndarray, cell: float, is_closed: bool
 ) -> str:
     """Say that a curve is not on a tool, or smaller than a cell; empty if neither."""
-    from ..nets.part import distances_from
     from ..nets.sheet import REACH
 
-    away = distances_from(tool, curve)
+    away = tool.from_triangles(curve)
     far = np.flatnonzero(away > (REACH if is_closed else 1.0) * cell)
     if far.size and (is_closed or far.size == away.size):
         return (
@@ -350,8 +349,7 @@ def _to_cut(part: Part) -> "Sequence[FlatPattern]":
 
 def _fibres(part: Part) -> "FibresInSpace":
     """Fibres in the triangles of the tool."""
-    from ..nets.fibres_in_space import fibres_on_tool
-    from ..nets.sheet import Sheet
+    from ..nets.sheet import Sheet, fibres_on_tool
 
     return fibres_on_tool(Sheet.of_net(part), part.tool.facets)
 

@@ -12,9 +12,8 @@ from .page import Row
 
 if TYPE_CHECKING:
     from ..nets.crossings import Net
-    from ..nets.dart_pattern import Dart, PatternWithDarts
-    from ..nets.fibres_in_space import FibresInSpace
-    from ..nets.flat_pattern import FlatPattern
+    from ..nets.flat_pattern import Dart, FlatPattern, PatternWithDarts
+    from ..nets.sheet import FibresInSpace
     from ..nets.start_search import BestStart
     from ..surfaces.triangle_mesh import TriangleMesh
 
@@ -49,7 +48,7 @@ class Part(NamedTuple):
 
     def has(self, x: ndarray) -> ndarray:
         """Mask of points in space, (3, n), that are on the part."""
-        from ..surfaces.triangles import closest_on_triangles
+        from ..surfaces.tool_mesh import closest_on_triangles
 
         facets = self.tool.facets
         triangle, _ = closest_on_triangles(facets.points, facets.triangles(), x)
@@ -120,7 +119,7 @@ class Cells(NamedTuple):
     @classmethod
     def of(cls, part: Part) -> "Cells":
         """Cells of the pieces of a part."""
-        from ..nets.part import shares_inside
+        from ..nets.flat_pattern import shares_inside
 
         pieces, angles, areas, centres, whole = [], [], [], [], 0.0
         for k, (net, mask) in enumerate(part.pieces):

@@ -12,9 +12,8 @@ from ..cases.schema import Output
 from ..mesh.checks import MeshError
 from ..mesh.requirements import is_installed, lacks
 from ..mesh.user_input import printable
-from ..nets.fibres_in_space import fibres_on_tool
 from ..nets.flat_pattern import FlatPattern, flat_pattern
-from ..nets.sheet import Sheet
+from ..nets.sheet import Sheet, fibres_on_tool
 from ..scenes import Scene
 from ..solve.quantities import Quantity
 from ..solve.result import Result, StepError

@@ -302,7 +302,7 @@ class Torus:
     axis: Vector = key("direction of the axis", default=_UP)
 
 
-@declaration("surfaces.punch_and_die", eq=False)
+@declaration("surfaces.analytic", eq=False)
 class Punch:
     """shaft with a hemispherical end"""
 
@@ -311,7 +311,7 @@ class Punch:
     axis: Vector = key("direction from the shaft to the tip", default=_UP)
 
 
-@declaration("surfaces.punch_and_die", eq=False)
+@declaration("surfaces.analytic", eq=False)
 class Die:
     """plane with a round hole and a fillet"""
 

@@ -12,12 +12,13 @@ from numpy import ndarray
 from ..fabric.directions import FibreDirections
 from ..mesh.requirements import require
 from ..mesh.user_input import printable
-from ..nets.fibres_in_space import (
+from ..nets.flat_pattern import FlatPattern, SeamLine
+from ..nets.sheet import (
     FibresInSpace,
+    Pieces,
+    Sheet,
     fibres_on_ply,
 )
-from ..nets.flat_pattern import FlatPattern, SeamLine
-from ..nets.sheet import Pieces, Sheet
 from ..solve.result import Result
 from ..surfaces.surface import SAME_AXES, Axes
 from ..surfaces.tool_mesh import ToolMesh

@@ -210,8 +210,7 @@ def _outline(tool: TriangleMesh, laid: Net) -> FlatPattern:
     flat, on_tool = (
         np.hstack([one, other[:, ::-1]]) for one, other in zip(*ends, strict=True)
     )
-    warp, weft = (np.tile(a[:, None], (1, flat.shape[1])) for a in laid.directions.T)
-    return FlatPattern(flat, on_tool, warp, weft)
+    return FlatPattern(flat, on_tool, *laid.fibres(flat.shape[1]))
 
 
 def _on_tool(tool: TriangleMesh, laid: Net, thread: int) -> tuple[ndarray, ndarray]:
@@ -278,16 +277,13 @@ def _with_sides(
         beyond = tool.beyond_edges(x[:, np.isfinite(x[0, :, thread]), thread])
         return bool((beyond < (1 - _ROUNDING) * laid.cell).any())
 
-    if is_needed(threads[-1] + 1):
-        k, i = threads[-1], at[threads[-1]]
-        beside = on_tool[:, [-1]] + (x[:, i, k] - x[:, i, k - 1])[:, None]
-        on_tool = np.hstack([on_tool, onto(tool, beside)])
-        flat = np.column_stack([flat, flat[:, -1] + weft])
-    if is_needed(threads[0] - 1):
-        k, i = threads[0], at[threads[0]]
-        beside = on_tool[:, [0]] + (x[:, i, k] - x[:, i, k + 1])[:, None]
-        on_tool = np.hstack([onto(tool, beside), on_tool])
-        flat = np.column_stack([flat[:, 0] - weft, flat])
+    for end, step in ((-1, 1), (0, -1)):
+        k, i = threads[end], at[threads[end]]
+        if is_needed(k + step):
+            beside = on_tool[:, end] + x[:, i, k] - x[:, i, k - step]
+            place = on_tool.shape[1] if step > 0 else 0
+            on_tool = np.insert(on_tool, place, onto(tool, beside[:, None])[:, 0], 1)
+            flat = np.insert(flat, place, flat[:, end] + step * weft, 1)
     return flat, on_tool
 
 

@@ -7,7 +7,6 @@ shear.  The curvature at the tip, which no net follows, is covered last.
 """
 
 from dataclasses import dataclass
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,8 +14,8 @@ from numpy import ndarray
 
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import onto
-from ..surfaces.triangle_mesh import GaussCurvature, TriangleMesh
-from .crossings import Net
+from ..surfaces.triangle_mesh import TriangleMesh
+from .crossings import Net, corners
 from .kinematic_net import net, nets_at_seams
 from .laying import Status
 from .seams import Seam, Seams, seam_from
@@ -108,11 +107,8 @@ class NetWithDarts:
         """Mask of the n cells of a side, in a mask, with a corner in a spot, (n,)."""
         if self.seams is None:
             return np.zeros(mask.sum(), dtype=bool)
-        corners = [
-            of.positions[:, i : i + mask.shape[0], j : j + mask.shape[1]][:, mask]
-            for i, j in product((0, 1), repeat=2)
-        ]
-        return np.any([self.seams.in_spots(x) for x in corners], axis=0)
+        spots = [self.seams.in_spots(x[:, mask]) for x in corners(of.positions)]
+        return np.any(spots, axis=0)
 
     def locked(self, tool: TriangleMesh) -> ndarray:
         """Centres of cells on the tool beyond the locking angle in mm, shape (3, n).
@@ -156,13 +152,12 @@ def net_with_darts(
     cell = positive_length("net with darts: cell", cell)
     uncut = net(tool, cell, **start)
     laid = NetWithDarts((uncut, uncut), None, locking_angle, uncut)
-    curvature = GaussCurvature(tool)
     for _ in range(_ROUNDS):
-        places = _locking(tool, laid, curvature)
+        places = _locking(tool, laid)
         more = [seam_from(tool, *place, cell) for place in places]
         if not more:
             break
-        seams = Seams((*laid.darts, *more), curvature.within, cell)
+        seams = Seams((*laid.darts, *more), tool, cell)
         sides = nets_at_seams(tool, cell, seams, locking_angle, **start)
         laid = NetWithDarts(sides, seams, locking_angle, uncut)
     return laid
@@ -176,11 +171,11 @@ class _Piece(NamedTuple):
 
 def _any_corner(mask: ndarray) -> ndarray:
     """Mask of the cells of which any corner is in a mask of crossings."""
-    return np.asarray(mask[1:, 1:] | mask[:-1, 1:] | mask[1:, :-1] | mask[:-1, :-1])
+    return np.any(corners(mask), axis=0)
 
 
 def _locking(
-    tool: TriangleMesh, laid: NetWithDarts, curvature: GaussCurvature
+    tool: TriangleMesh, laid: NetWithDarts
 ) -> list[tuple[ndarray, ndarray | None]]:
     """Causes of the folds and locked cells nearest to the start, see `_cause`."""
     from scipy.ndimage import label  # type: ignore[attr-defined]
@@ -199,7 +194,7 @@ def _locking(
             # Of the nearest to the start the one that is sheared most.
             k = np.lexsort([-angle[rows, columns], order[rows, columns]])[0]
             cell = rows[k], columns[k]
-            cause = _cause(tool, curvature, of, cell)
+            cause = _cause(tool, of, cell)
             found.append((float(order[cell]), *cause))
     reach = _NEAR * laid.sides[0].cell
     chosen: list[tuple[ndarray, ndarray | None]] = []
@@ -218,7 +213,7 @@ def _locking(
 
 
 def _cause(
-    tool: TriangleMesh, curvature: GaussCurvature, of: Net, cell: tuple[int, int]
+    tool: TriangleMesh, of: Net, cell: tuple[int, int]
 ) -> tuple[ndarray, ndarray | None]:
     """Middle of the positive curvature that causes the shear of a cell, shape (3,).
 
@@ -236,13 +231,13 @@ def _cause(
     between = of.positions[:, *np.ix_(*span)]
     laid = np.isfinite(between[0])
     sums = np.zeros(laid.shape)
-    sums[laid] = np.maximum(curvature.within(between[:, laid], half), 0.0)
+    sums[laid] = np.maximum(tool.curvature_within(between[:, laid], half), 0.0)
     causes = _CAUSES * abs(float(np.nan_to_num(of.shear_angle()[cell])))
-    if curvature.within(x[:, None], half)[0] >= causes:
-        return _middle_of_corner(tool, curvature, x, 2 * half), None
+    if tool.curvature_within(x[:, None], half)[0] >= causes:
+        return _middle_of_corner(tool, x, 2 * half), None
     if sums.max() >= causes:
         most = between[:, sums == sums.max()][:, 0]
-        return _middle_of_corner(tool, curvature, most, 2 * half), None
+        return _middle_of_corner(tool, most, 2 * half), None
     places = np.array(np.nonzero(laid[:-1, :-1] & laid[1:, 1:]))
     weights = sums[*places]
     if not weights.any():
@@ -252,11 +247,9 @@ def _cause(
     return between[:, i, j], between[:, i + 1, j + 1] - between[:, i, j]
 
 
-def _middle_of_corner(
-    tool: TriangleMesh, curvature: GaussCurvature, x: ndarray, radius: float
-) -> ndarray:
+def _middle_of_corner(tool: TriangleMesh, x: ndarray, radius: float) -> ndarray:
     """Middle of the positive curvature around a point, shape (3,)."""
-    points, positive = curvature.points, np.maximum(curvature.defects, 0.0)
+    points, positive = tool.facets.points, np.maximum(tool.curvature, 0.0)
     for _ in range(_SHIFTS):
         weights = positive * (np.linalg.norm(points - x[:, None], axis=0) < radius)
         if weights.sum() > 0:
@@ -269,10 +262,7 @@ def _before_folds(tool: TriangleMesh, laid: Net, mask: ndarray) -> ndarray:
     from scipy.ndimage import binary_dilation  # type: ignore[attr-defined]
 
     folded = binary_dilation(_any_corner(laid.status == Status.FOLDED), np.ones((3, 3)))
-    i, j = np.nonzero(folded & mask)
-    found = np.zeros(mask.shape, dtype=bool)
-    found[i, j] = tool.beyond_edges(laid.middles()[:, i, j]) == 0
-    return found
+    return _on_tool(tool, laid, folded & mask)
 
 
 def _locked(
@@ -280,7 +270,11 @@ def _locked(
 ) -> ndarray:
     """Mask of the cells on the tool, among others, beyond the locking angle."""
     angle = np.nan_to_num(np.abs(laid.shear_angle()))
-    i, j = np.nonzero(mask & laid.cells & (angle > locking_angle))
-    high = np.zeros(mask.shape, dtype=bool)
-    high[i, j] = tool.beyond_edges(laid.middles()[:, i, j]) == 0
-    return high
+    return _on_tool(tool, laid, mask & laid.cells & (angle > locking_angle))
+
+
+def _on_tool(tool: TriangleMesh, laid: Net, mask: ndarray) -> ndarray:
+    """Mask of the cells, among others, whose middle is on the tool."""
+    found = np.zeros(mask.shape, dtype=bool)
+    found[mask] = tool.beyond_edges(laid.middles()[:, mask]) == 0
+    return found

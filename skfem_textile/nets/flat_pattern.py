@@ -1,8 +1,8 @@
-"""Flat pattern of a trimmed part: the outline to cut from the flat ply."""
+"""Flat pattern of a trimmed part, with or without darts: the outline to cut."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -12,8 +12,13 @@ from ..mesh.overlap import Boundary, overlap_of, signed_areas
 from ..mesh.requirements import require
 from ..mesh.user_input import coords, real_numbers
 from ..surfaces.analytic import positive_length
-from ..surfaces.tool_mesh import curve_length
+from ..surfaces.tool_mesh import curve_length, unit
+from .crossings import Net, corners
+from .laying import Status
 from .sheet import Sheet, SheetPoints
+
+if TYPE_CHECKING:
+    from .darts import NetWithDarts
 
 # Spacing of points added to a curve, relative to the longest edge of the ply.  The
 # pattern then has kinks only at nodes of the ply.
@@ -269,3 +274,269 @@ def spaced(points: ndarray, spacing: float, closed: bool = True) -> ndarray:
     number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     share = number / counts[start]
     return points[:, start] + share * (after - points)[:, start]
+
+
+def shares_inside(net: Net, pattern: FlatPattern) -> ndarray:
+    """Share of the area of each cell inside a pattern, shape (n_warp, n_weft)."""
+    import shapely
+
+    region = shapely.Polygon(
+        pattern.outline.T, [hole.outline.T for hole in pattern.holes]
+    )
+    flat = net.flat()
+    a, b, c, d = corners(flat)
+    cells = shapely.polygons(np.stack([d, c, a, b]).transpose(2, 3, 0, 1)[net.cells])
+    shapely.prepare(region)
+    inside = shapely.contains(region, cells).astype(float)
+    cut = shapely.intersects(region, cells) & (inside == 0)
+    parts = shapely.area(shapely.intersection(region, cells[cut]))
+    inside[cut] = parts / shapely.area(cells[cut])
+    shares = np.zeros(net.cells.shape)
+    shares[net.cells] = inside
+    return shares
+
+
+# Longest end of an edge that the net does not cover, relative to a cell, and number of
+# points for the slope at an end.
+_GAP, _SLOPE = 2.5, 4
+
+
+@dataclass(frozen=True, eq=False)
+class Dart:
+    """Dart of a flat pattern.
+
+    Attributes
+    ----------
+    seam
+        The seam on the tool in mm, shape (3, n), from the tip.
+    edges
+        Its two edges in the flat ply, shape (2, n) each.
+    """
+
+    seam: ndarray
+    edges: tuple[ndarray, ndarray]
+
+    @property
+    def area(self) -> float:
+        """Area between the edges in mm²."""
+        one, other = self.edges
+        around = np.column_stack([one, other[:, ::-1]])
+        return float(abs(signed_areas(*around)))
+
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """Lengths of the edges in mm."""
+        one, other = (
+            float(np.linalg.norm(np.diff(edge), axis=0).sum()) for edge in self.edges
+        )
+        return one, other
+
+
+@dataclass(frozen=True, eq=False)
+class PatternWithDarts:
+    """Flat pattern of a net with darts.
+
+    Attributes
+    ----------
+    pattern
+        The outline, which contains the edges of the darts.
+    darts
+        The darts.
+    area_on_tool
+        Area of the part on the tool in mm².
+    shear_angle
+        Largest magnitude of the shear angle inside the outline in radians.
+    shear_angle_beside_spots
+        The same without cells in the spots of seams, see `Seams.in_spots`.
+    """
+
+    pattern: FlatPattern
+    darts: tuple[Dart, ...]
+    area_on_tool: float
+    shear_angle: float
+    shear_angle_beside_spots: float
+
+
+def pattern_with_darts(
+    laid: "NetWithDarts",
+    curve: ArrayLike,
+    spacing: float | None = None,
+    holes: Sequence[ArrayLike] = (),
+) -> PatternWithDarts:
+    """Flat pattern of a net with darts, trimmed along a curve on the tool.
+
+    Parameters
+    ----------
+    laid
+        The net, which covers the curve.
+    curve, spacing, holes
+        See `flat_pattern`.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not valid, a point of a curve or of a seam is not covered, the
+        outline crosses itself, or a hole crosses it or a seam.
+    """
+    spacing = 0.5 * laid.sides[0].cell if spacing is None else spacing
+    spacing = positive_length("flat pattern: spacing", spacing)
+    points = spaced_curve(curve, spacing)
+    side = laid.side_of(points)
+    parts, darts = _with_seams(laid, points, side, spacing)
+    x, flat = (np.hstack(of) for of in zip(*parts, strict=True))
+    refuse_crossing(flat, x)
+    pattern = FlatPattern(flat, x, *laid.sides[0].fibres(x.shape[1]))
+    if len(holes):
+        inner = tuple(_hole(laid, hole, spacing) for hole in holes)
+        refuse_holes(pattern, inner)
+        pattern = replace(pattern, holes=inner)
+    lines = [
+        SeamLine(number, edge, dart.seam)
+        for number, dart in enumerate(darts, 1)
+        for edge in dart.edges
+    ]
+    pattern = replace(pattern, seams=tuple(lines))
+    area, largest, beside = 0.0, 0.0, 0.0
+    for of, mask in laid.pieces:
+        part = replace(of, status=_only(of, mask))
+        shares = np.where(mask, shares_inside(part, pattern), 0.0)
+        inside = shares > 0
+        area += float((of.areas()[inside] * shares[inside]).sum())
+        angles = np.abs(of.shear_angle())
+        largest = max(largest, float(angles[inside].max(initial=0.0)))
+        inside[inside] = ~laid.in_spots(of, inside)
+        beside = max(beside, float(angles[inside].max(initial=0.0)))
+    return PatternWithDarts(pattern, darts, area, largest, beside)
+
+
+def _hole(laid: "NetWithDarts", curve: ArrayLike, spacing: float) -> FlatPattern:
+    """Outline of a hole, which must not cross a seam."""
+    points = spaced_curve(curve, spacing)
+    flat = _flat(laid, points, laid.side_of(points))
+    steps = np.linalg.norm(flat - np.roll(flat, -1, axis=1), axis=0)
+    if steps.max() > JUMP * spacing:
+        raise ValueError(
+            "net with darts: a hole crosses the seam of a dart at "
+            f"{coords(points[:, steps.argmax()])} mm"
+        )
+    return FlatPattern(flat, points, *laid.sides[0].fibres(points.shape[1]))
+
+
+def _only(laid: Net, mask: ndarray) -> ndarray:
+    """Statuses, with crossings outside the masked cells set to `OMITTED`."""
+    keep = np.any(corners(np.pad(mask, 1)), axis=0)
+    return np.where(keep, laid.status, Status.OMITTED)
+
+
+def _with_seams(
+    laid: "NetWithDarts", points: ndarray, side: ndarray, spacing: float
+) -> tuple[list[tuple[ndarray, ndarray]], tuple[Dart, ...]]:
+    """Split an outline at seams; pairs of points on the tool and flat, and darts."""
+    cuts: list[tuple[int, ndarray]] = []
+    for dart in laid.darts:
+        away, *_ = dart.nearest(points)
+        k = int(away.argmin())
+        end = points[:, k]
+        seam = dart.points
+        last = int(np.linalg.norm(seam - end[:, None], axis=0).argmin())
+        along = seam[:, last] - seam[:, last - 1]
+        if (end - seam[:, last]) @ along < 0:
+            last -= 1
+        trimmed = np.column_stack([seam[:, : last + 1], end])
+        cuts.append((k, spaced(trimmed, spacing, closed=False)))
+    flat = np.full((2, points.shape[1]), np.nan)
+    others = ~np.isin(np.arange(points.shape[1]), [k for k, _ in cuts])
+    flat[:, others] = _flat(laid, points[:, others], side[others])
+    parts: list[tuple[ndarray, ndarray]] = []
+    darts: list[Dart] = []
+    begin, n = 0, points.shape[1]
+    for k, seam in sorted(cuts, key=lambda cut: cut[0]):
+        before, after = (int(side[(k + step) % n]) for step in (-2, 2))
+        parts.append((points[:, begin:k], flat[:, begin:k]))
+        begin = k + 1
+        if before == after:  # the dart is outside the outline
+            continue
+        edges = _edges(laid, seam)
+        parts += [(seam[:, ::-1], edges[before][:, ::-1])]
+        parts += [(seam[:, 1:], edges[after][:, 1:])]
+        darts.append(Dart(seam, edges))
+    parts.append((points[:, begin:], flat[:, begin:]))
+    return parts, tuple(darts)
+
+
+def _edges(laid: "NetWithDarts", seam: ndarray) -> tuple[ndarray, ndarray]:
+    """Edges of a dart in the flat ply, shape (2, n) each.
+
+    They are straight next to spots that the net cannot cover without shear.  The tip is
+    where both edges are as long as the seam up to the net.
+    """
+    assert laid.seams is not None
+    lengths = np.linalg.norm(np.diff(seam), axis=0)
+    s = np.concatenate([[0.0], np.cumsum(lengths)])
+    clean = ~laid.seams.in_spots(seam)
+    edges = [_located(laid, seam, k) for k in (0, 1)]
+    known = [clean & np.isfinite(of[0]) for of in edges]
+    both = np.flatnonzero(known[0] & known[1])
+    if len(both) < _SLOPE:
+        _refuse(seam)
+    first = both[[0, _SLOPE - 1]]
+    tip = _tip(edges[0][:, first], edges[1][:, first], float(s[first[0]]))
+    for of, covered in zip(edges, known, strict=True):
+        covered[: first[0]] = False
+        covered[0], of[:, 0] = True, tip
+        last = np.flatnonzero(covered)[[-_SLOPE, -1]]
+        if s[-1] - s[last[1]] > _GAP * laid.sides[0].cell:
+            _refuse(seam[:, last[1] + 1 :])
+        if last[1] < len(s) - 1:
+            slope = np.diff(of[:, last])[:, 0] / np.diff(s[last])
+            of[:, -1] = of[:, last[1]] + slope * (s[-1] - s[last[1]])
+            covered[-1] = True
+        of[:] = [np.interp(s, s[covered], one[covered]) for one in of]
+    return edges[0], edges[1]
+
+
+def _tip(one: ndarray, other: ndarray, length: float) -> ndarray:
+    """Apex of the isosceles triangle over the first points of two edges, shape (2,).
+
+    Its sides have the given length.  Edges have two points, (2, 2), and lead away from
+    the apex.
+    """
+    middle, across = 0.5 * (one[:, 0] + other[:, 0]), other[:, 0] - one[:, 0]
+    width = float(np.linalg.norm(across))
+    along = sum(
+        np.diff(edge)[:, 0] / np.linalg.norm(np.diff(edge)) for edge in (one, other)
+    )
+    if width > 0:
+        along -= across * (along @ across) / width**2
+    height = np.sqrt(max(length**2 - 0.25 * width**2, 0.0))
+    return np.asarray(middle - height * unit(along))
+
+
+def _located(laid: "NetWithDarts", x: ndarray, side: int) -> ndarray:
+    """Flat points of points x on one side of the seam, (2, n); NaN beyond the net."""
+    sheet = laid.sheet(side)
+    places, flat = sheet.at(x), np.full((2, x.shape[1]), np.nan)
+    flat[:, places.found] = sheet.flat_at(places)[:, places.found]
+    return flat
+
+
+def _flat(laid: "NetWithDarts", x: ndarray, number: ndarray) -> ndarray:
+    """Flat points of points x on the tool, each on the side of its number, (2, n)."""
+    flat = np.full((2, x.shape[1]), np.nan)
+    for side in (0, 1):
+        own = np.flatnonzero(number == side)
+        if own.size:
+            flat[:, own] = _located(laid, x[:, own], side)
+    off = ~np.isfinite(flat[0])
+    if off.any():
+        _refuse(x[:, off])
+    return flat
+
+
+def _refuse(x: ndarray) -> None:
+    """Refuse a net that does not cover points of an outline or a seam."""
+    raise ValueError(
+        f"net with darts: the net does not cover {x.shape[1]} points of the outline or "
+        f"a seam, the first at {coords(x[:, 0])} mm: start elsewhere, or trim "
+        "inside"
+    )

@@ -16,19 +16,20 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import coords, real_numbers
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import Surface, onto, tangents
-from .crossings import Net, up_to
+from .crossings import Net, filled_at_seams, quadrant_of, up_to, with_corners
 from .laying import (
     FOLDED,
     QUADRANTS,
     Quadrant,
     Start,
     Status,
+    closest,
+    curve_points,
     lay,
 )
 
 if TYPE_CHECKING:
     from ..surfaces.triangle_mesh import TriangleMesh
-    from .guide_curve import GuideCurve
     from .seams import Seams
 
 # Distance beyond the edges of a tool, relative to the cell, up to which a cell starts.
@@ -121,15 +122,10 @@ def net(
     flat, origin = _flat(angles), real_numbers("net: touch", touch)
     guess = np.array([*origin, 0.0]) if point is None else point
     start = start_of(surface, cell, guess, first, flat, (warp_along, weft_along))
-    limits = _limits(surface, cell, (warp, weft), past_edges)
-    masks = None
-    if over is not None:
-        ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
-        masks = _masks(ends, limits)
-    (laid,) = _laid(surface, [start], cell, limits, masks, past_edges)
-    counts = [n if n is None else _counts("", n) for n in (warp, weft)]
-    joined = _joined(laid, cell, flat, np.array(touch, dtype=float), counts)
-    return joined if past_edges else _with_corners(surface, cell, joined)
+    (laid,) = _laid(
+        surface, [start], cell, flat, (warp, weft), origin, over, past_edges
+    )
+    return laid if past_edges else _with_corners(surface, cell, laid)
 
 
 def nets(
@@ -166,10 +162,8 @@ def nets(
         Start(point, tangents(surface, point, np.asarray(s.first)) @ flat)
         for point, s in zip(points.T, starts, strict=True)
     ]
-    limits = _limits(surface, cell, (None, None), False)
-    laid = _laid(surface, found, cell, limits, None, False)
-    joined = [_joined(of, cell, flat, np.zeros(2), (None, None)) for of in laid]
-    return [_with_corners(surface, cell, of) for of in joined]
+    laid = _laid(surface, found, cell, flat)
+    return [_with_corners(surface, cell, of) for of in laid]
 
 
 def nets_at_seams(
@@ -197,22 +191,16 @@ def nets_at_seams(
     point, first, angles, warp_along, weft_along
         See `net`.
     """
-    from .corners import filled_at_seams
-
     flat = _flat(angles)
     start = start_of(tool, cell, point, first, flat, (warp_along, weft_along))
-    limits = _limits(tool, cell, (None, None), False)
-    (laid,) = _laid(tool, [start], cell, limits, None, False, seams)
-    joined = _joined(laid, cell, flat, np.zeros(2), (None, None))
-    return filled_at_seams(tool, joined, _MARGIN * cell, seams, locking_angle)
+    (laid,) = _laid(tool, [start], cell, flat, seams=seams)
+    return filled_at_seams(tool, laid, _MARGIN * cell, seams, locking_angle)
 
 
 def _with_corners(surface: Any, cell: float, net: Net) -> Net:
     """Net with the cells at the corners of a tool, if the surface has triangles."""
     if not hasattr(surface, "facets"):
         return net
-    from .corners import with_corners
-
     return with_corners(surface, net, _MARGIN * cell)
 
 
@@ -233,14 +221,14 @@ def start_of(
     along: tuple[ArrayLike | None, ArrayLike | None],
 ) -> Start:
     """Start of a net on a surface, and on the curves of its first threads."""
-    curves = [_guide(c) for c in along]
+    curves = [None if curve is None else curve_points(curve) for curve in along]
     place = real_numbers("net: point", point)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise ValueError(f"net: the start must be three finite numbers, got {point!r}")
     for curve in curves:
         if curve is None:
             continue
-        on_curve = np.asarray(curve.closest(place).position)
+        on_curve = closest(curve, place).position
         if not np.linalg.norm(on_curve - place) <= cell:
             raise ValueError(
                 f"net: the curve of a first thread passes the start "
@@ -250,7 +238,7 @@ def start_of(
         place = on_curve
     start = onto(surface, place[:, None])[:, 0]
     directions = np.empty((3, 2))
-    if curves == [None, None]:
+    if curves[0] is None and curves[1] is None:
         directions = tangents(surface, start, np.asarray(first)) @ flat
     # The angle at rest to the curve of the other family, unless there are two curves.
     cosine, sine = float(flat[:, 0] @ flat[:, 1]), float(np.linalg.det(flat))
@@ -258,7 +246,7 @@ def start_of(
         curve = curves[family]
         if curve is None:
             continue
-        plane = tangents(surface, start, curve.tangent(curve.closest(start)))
+        plane = tangents(surface, start, closest(curve, start).tangent)
         directions[:, family] = plane[:, 0]
         if curves[1 - family] is None:
             turn = np.array([cosine, -sine if family else sine])
@@ -271,20 +259,8 @@ def start_of(
     return Start(start, directions, (curves[0], curves[1]))
 
 
-def _guide(along: ArrayLike | None) -> "GuideCurve | None":
-    """Curve of a first thread, if there is one."""
-    if along is None:
-        return None
-    from .guide_curve import GuideCurve
-
-    return GuideCurve(np.asarray(along))
-
-
 def _limits(
-    surface: Surface,
-    cell: float,
-    counts: tuple[Any, Any],
-    past_edges: bool,
+    surface: Surface, cell: float, counts: Sequence[Any], past_edges: bool
 ) -> ndarray:
     """Largest numbers of cells of the quadrants along warp and weft, shape (4, 2)."""
     facets = getattr(surface, "facets", None)
@@ -331,12 +307,20 @@ def _laid(
     surface: Surface,
     starts: list[Start],
     cell: float,
-    limits: ndarray,
-    masks: list[ndarray] | None,
-    past_edges: bool,
+    flat: ndarray,
+    counts: Sequence[Any] = (None, None),
+    origin: ArrayLike = (0.0, 0.0),
+    over: ndarray | None = None,
+    past_edges: bool = False,
     seams: "Seams | None" = None,
-) -> list[list[Quadrant]]:
-    """Quadrants of nets from starts on a surface."""
+) -> list[Net]:
+    """Nets from starts on a surface, without the cells at the corners of a tool."""
+    origin = np.asarray(origin, dtype=float)
+    limits = _limits(surface, cell, counts, past_edges)
+    masks = []
+    if over is not None:
+        ends = np.linalg.solve(flat, over - origin[:, None]) / cell
+        masks = _masks(ends, limits)
     beyond = None if past_edges else getattr(surface, "beyond_edges", None)
     if beyond is not None:
         for start in starts:
@@ -349,7 +333,7 @@ def _laid(
     def wanted(row: ndarray, i: ndarray, j: ndarray) -> ndarray:
         m, n = limits[row % 4].transpose(2, 0, 1)
         inside = (i <= m) & (j <= n)
-        for quadrant, mask in enumerate(masks or []):
+        for quadrant, mask in enumerate(masks):
             m, n = limits[quadrant]
             inside[quadrant] &= mask[np.minimum(i, m), np.minimum(j, n)]
         return np.where(inside, Status.LAID, Status.OMITTED)
@@ -359,7 +343,8 @@ def _laid(
             return np.ones(x.shape[1], dtype=bool)
         return np.asarray(beyond(x) <= _MARGIN * cell)
 
-    return lay(surface, starts, cell, wanted, on_tool, seams)
+    laid = lay(surface, starts, cell, wanted, on_tool, seams)
+    return [_joined(of, cell, flat, origin, counts) for of in laid]
 
 
 def _joined(
@@ -367,7 +352,7 @@ def _joined(
     cell: float,
     flat: ndarray,
     touch: ndarray,
-    counts: Sequence[tuple[int, int] | None],
+    counts: Sequence[Any],
 ) -> Net:
     """Join four quadrants to a net with given, or else all, numbers of cells."""
     sizes = np.array([quadrant.status.shape for quadrant in quadrants]) - 1
@@ -375,21 +360,18 @@ def _joined(
     reach = [
         [int(sizes[signs[:, axis] == s, axis].max()) for s in (-1, 1)]
         if given is None
-        else list(given)
+        else [int(n) for n in given]
         for axis, given in enumerate(counts)
     ]
     shape = tuple(sum(sides) + 1 for sides in reach)
     x = np.full((3, *shape), np.nan)
     status = np.full(shape, Status.BEHIND, dtype=np.int8)
+    start = reach[0][0], reach[1][0]
     for quadrant_signs, quadrant in zip(QUADRANTS, quadrants, strict=True):
-        place, size = [], []
-        for (before, after), s, n in zip(
-            reach, quadrant_signs, quadrant.status.shape, strict=True
-        ):
-            size.append(min(n, (after if s > 0 else before) + 1))
-            place.append(before + s * np.arange(size[-1]))
-        i, j = place[0][:, None], place[1]
-        part = np.s_[..., : size[0], : size[1]]
-        x[:, i, j], status[i, j] = quadrant.positions[part], quadrant.status[part]
+        own = np.s_[..., *quadrant_of(start, quadrant_signs)]
+        m, n = np.minimum(quadrant.status.shape, status[own].shape)
+        part = np.s_[..., :m, :n]
+        x[own][part] = quadrant.positions[part]
+        status[own][part] = quadrant.status[part]
     along = [cell * np.arange(-before, after + 1) for before, after in reach]
     return Net(x, status, (along[0], along[1]), flat, touch)

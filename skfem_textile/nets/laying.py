@@ -9,16 +9,18 @@ continues as a geodesic.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import ArrayLike
 
 from ..mesh.bases import cross
+from ..mesh.user_input import coords, real_numbers
 from ..surfaces.surface import Surface
+from ..surfaces.tool_mesh import unit
 
 if TYPE_CHECKING:
-    from .guide_curve import GuideCurve
     from .seams import Seams
 
 # Maximum number of Newton iterations for a crossing, and last step relative to the
@@ -54,10 +56,6 @@ _STOPS = (Status.FOLDED, Status.OFF, Status.BEHIND)
 #: Signs of the quadrants of a net along warp and weft.
 QUADRANTS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 
-# Quadrants that share a first thread: warp from and to, weft from and to.
-_SHARED_WARP = ((0, 1), (2, 3))
-_SHARED_WEFT = ((0, 2), (1, 3))
-
 
 @dataclass(frozen=True, eq=False)
 class Start:
@@ -70,12 +68,12 @@ class Start:
     directions
         Unit vectors of warp and weft there, columns of shape (3, 2).
     guides
-        Curves that the first threads follow; None for a geodesic.
+        Points of the curves that the first threads follow; None for a geodesic.
     """
 
     point: ndarray
     directions: ndarray
-    guides: "tuple[GuideCurve | None, GuideCurve | None]" = (None, None)
+    guides: tuple[ndarray | None, ndarray | None] = (None, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +100,7 @@ Wants = Callable[[ndarray, ndarray, ndarray], ndarray]
 OnTool = Callable[[ndarray], ndarray]
 
 
-@dataclass(frozen=True, eq=False)
-class _Diagonal:
+class _Diagonal(NamedTuple):
     """Crossings with the same sum of cells, r quadrants and k crossings.
 
     Positions, gradients there, and differences of the positions from linear
@@ -132,12 +129,10 @@ class _Diagonal:
 
     def shifted(self, before: int, after: int) -> "_Diagonal":
         """Copy with an empty crossing before and after."""
-        count = self.on.shape[1]
-        wide = _Diagonal.empty(len(self.on), before + count + after)
-        wide.values[..., before : before + count] = self.values
-        wide.on[:, before : before + count] = self.on
-        wide.seams[:, before : before + count] = self.seams
-        wide.status[:, before : before + count] = self.status
+        rows, count = self.on.shape
+        wide = _Diagonal.empty(rows, before + count + after)
+        for to, values in zip(wide, self, strict=True):
+            to[..., before : before + count] = values
         return wide
 
 
@@ -175,9 +170,8 @@ def lay(
     diagonals = [front.first()]
     before = _Diagonal.empty(4 * len(starts), 0)
     while np.isfinite(diagonals[-1].x[0]).any():
-        following = front.after(before, diagonals[-1])
-        before = diagonals[-1]
-        diagonals.append(following)
+        diagonals.append(front.after(before, diagonals[-1]))
+        before = diagonals[-2]
     quadrants = _assembled(diagonals)
     return [quadrants[4 * k : 4 * k + 4] for k in range(len(starts))]
 
@@ -204,10 +198,7 @@ class _Front:
         self._along = signed.reshape(-1, 3, 2).transpose(2, 1, 0)  # (family, 3, row)
         self._gradient = surface.gradient(self._start)
         self._guides = [
-            [
-                g if g is None else g.walk(s.point, n)
-                for g, n in zip(s.guides, q, strict=True)
-            ]
+            [_from_closest(s.guides[k], s.point, q[k]) for k in (0, 1)]
             for s in starts
             for q in QUADRANTS
         ]
@@ -225,12 +216,8 @@ class _Front:
         d = last.on.shape[1]
         i = np.arange(d + 1)
         a, b = last.shifted(1, 0), last.shifted(0, 1)
-        if d == 1:
-            before = _Diagonal.empty(len(self._rows), 0)
-            corner = a_0 = b_0 = _Diagonal.empty(len(self._rows), 2)
-        else:
-            corner = before.shifted(1, 1)
-            a_0, b_0 = before.shifted(2, 0), before.shifted(0, 2)
+        corner = before.shifted(1, 1)
+        a_0, b_0 = before.shifted(2, 0), before.shifted(0, 2)
         new = _Diagonal.empty(len(self._rows), d + 1)
         new.status[:] = self._wanted(self._rows[:, None], i, d - i)
         stopped = np.zeros(new.on.shape, dtype=bool)
@@ -250,8 +237,6 @@ class _Front:
             (weft, *self._straight(1, weft, b, b_0)),
         ]
         self._lay(new, parts)
-        # First threads are laid in one quadrant and copied to the neighbour.
-        self._share(new)
         return new
 
     def _crossing(self, at: ndarray, a: _Diagonal, b: _Diagonal, c: _Diagonal) -> tuple:
@@ -277,12 +262,12 @@ class _Front:
             step = self._cell * self._along[family][:, row]
         through, across = x.copy(), cross(step, gradient)
         for k in self._guided(family, row, i, at.shape[1]):
-            guide = self._guides[row[k]][family]
-            place = guide.after(x[:, k], self._cell)
-            if place is not None:
-                through[:, k], tangent = place
+            guides = self._guides[row[k]]
+            guides[family], along = _from_distance(guides[family], x[:, k], self._cell)
+            if guides[family].size:
+                through[:, k] = guides[family][:, 0]
                 step[:, k] = through[:, k] - x[:, k]
-                across[:, k] = np.cross(tangent, gradient[:, k])
+                across[:, k] = np.cross(along, gradient[:, k])
         with np.errstate(invalid="ignore"):  # a curve along the normal ends the thread
             across /= np.linalg.norm(across, axis=0)
         return x + step, off, x, through, across, np.array([a.seams[at]] * 2)
@@ -294,23 +279,15 @@ class _Front:
         return np.flatnonzero(at_first & has) if len(row) else np.zeros(0, dtype=int)
 
     def _lay(self, new: _Diagonal, parts: list[tuple]) -> None:
-        d = new.on.shape[1] - 1
-        places = [np.nonzero(mask) for mask, *_ in parts]
-        own = [self._owned(row, i, d) for row, i in places]
-        row, i = np.hstack(
-            [np.array(place)[:, o] for place, o in zip(places, own, strict=True)]
-        )
+        masks, *values = zip(*parts, strict=True)
+        row, i = np.hstack([np.nonzero(mask) for mask in masks])
         if not row.size:
             return
-        guess, off, a, b, across, seams = (
-            np.hstack([of[:, o] for of, o in zip(values, own, strict=True)])
-            for values in list(zip(*parts, strict=True))[1:]
+        guess, off, a, b, across, seams = map(np.hstack, values)
+        crosses = np.arange(len(row)) < masks[0].sum()
+        x, gradient, status = _rod_ends(
+            self._surface, guess, off, a, b, across, crosses, self._cell
         )
-        crosses = np.arange(len(row)) < own[0].sum()
-        x, gradient, done = _pinned(
-            self._surface, guess + off, a, b, across, crosses, self._cell
-        )
-        status = _judged(x, guess, a, b, done, crosses, self._cell)
         if self._seams is not None:
             laid = np.flatnonzero(status == Status.LAID)
             label, beyond = self._seams.labels(x[:, laid], seams[:, laid])
@@ -324,19 +301,6 @@ class _Front:
         if row.size:
             new.on[row, i] = self._on_tool(x)
 
-    def _owned(self, row: ndarray, i: ndarray, d: int) -> ndarray:
-        """Mask of crossings that are computed, not copied from another quadrant."""
-        quadrant = row % 4
-        copied = (i == d) & np.isin(quadrant, [to for _, to in _SHARED_WARP])
-        copied |= (i == 0) & np.isin(quadrant, [to for _, to in _SHARED_WEFT])
-        return ~copied
-
-    def _share(self, new: _Diagonal) -> None:
-        for pairs, i in ((_SHARED_WARP, -1), (_SHARED_WEFT, 0)):
-            for one, other in pairs:
-                for values in (new.values, new.on, new.seams, new.status):
-                    values[..., other::4, i] = values[..., one::4, i]
-
 
 def crossing(
     surface: Surface, a: ndarray, b: ndarray, corner: ndarray, cell: float
@@ -345,9 +309,9 @@ def crossing(
 
     ``a`` and ``b`` are their neighbours, ``corner`` the opposite corners, shape (3, n).
     """
-    guess, crosses = a + b - corner, np.ones(a.shape[1], dtype=bool)
-    x, _, done = _pinned(surface, guess, a, b, np.zeros_like(a), crosses, cell)
-    return x, _judged(x, guess, a, b, done, crosses, cell)
+    zero, crosses = np.zeros_like(a), np.ones(a.shape[1], dtype=bool)
+    x, _, status = _rod_ends(surface, a + b - corner, zero, a, b, zero, crosses, cell)
+    return x, status
 
 
 def straight(
@@ -357,28 +321,32 @@ def straight(
 
     ``x`` are their last crossings, and ``before`` the ones before, shape (3, n).
     """
-    guess, crosses = 2 * x - before, np.zeros(x.shape[1], dtype=bool)
+    zero, crosses = np.zeros_like(x), np.zeros(x.shape[1], dtype=bool)
     across = cross(x - before, surface.gradient(x))
     across /= np.linalg.norm(across, axis=0)
-    found, _, done = _pinned(surface, guess, x, x, across, crosses, cell)
-    return found, _judged(found, guess, x, x, done, crosses, cell)
+    found, _, status = _rod_ends(
+        surface, 2 * x - before, zero, x, x, across, crosses, cell
+    )
+    return found, status
 
 
-def _pinned(
+def _rod_ends(
     surface: Surface,
-    x: ndarray,
+    guess: ndarray,
+    off: ndarray,
     a: ndarray,
     b: ndarray,
     across: ndarray,
     crosses: ndarray,
     cell: float,
 ) -> tuple[ndarray, ndarray, ndarray]:
-    """Solve for rod ends on a surface; points, gradients there and converged mask.
+    """Solve for rod ends on a surface; points, gradients there and `Status`.
 
     A rod begins at ``a``.  It ends at the end of a rod from ``b`` where ``crosses``,
-    and otherwise in the plane through ``b`` with the normal ``across``.
+    and otherwise in the plane through ``b`` with the normal ``across``.  The iteration
+    begins ``off`` the guess, towards which the rod points.
     """
-    x, gradient = x.copy(), np.full_like(x, np.nan)
+    x, gradient = guess + off, np.full_like(guess, np.nan)
     done, left = np.zeros(x.shape[1], dtype=bool), np.arange(x.shape[1])
     first_order = getattr(surface, "first_order", None) or (
         lambda x: (surface.level(x), surface.gradient(x))
@@ -390,12 +358,12 @@ def _pinned(
         p, q = at - a[:, left], at - b[:, left]
         on_plane = (q * third).sum(axis=0)
         rod, other = (((v * v).sum(axis=0) / cell - cell) / 2 for v in (p, q))
-        off = np.array([level / slope, rod, np.where(meets, other, on_plane)])
+        rest = np.array([level / slope, rod, np.where(meets, other, on_plane)])
         one, two, third = g / slope, p / cell, np.where(meets, q / cell, third)
         normals = cross(two, third), cross(third, one), cross(one, two)
         det = (one * normals[0]).sum(axis=0)
         with np.errstate(all="ignore"):  # non-finite steps are not made
-            step = sum(o * m for o, m in zip(off, normals, strict=True)) / det
+            step = sum(o * m for o, m in zip(rest, normals, strict=True)) / det
         length = np.sqrt((step * step).sum(axis=0)) / cell
         goes = np.abs(det) > FOLDED**2  # false for NaN
         x[:, left[goes]] -= (step / np.maximum(length / _LONGEST_STEP, 1.0))[:, goes]
@@ -404,19 +372,6 @@ def _pinned(
         left = left[goes & ~ready]
         if not left.size:
             break
-    return x, gradient, done
-
-
-def _judged(
-    x: ndarray,
-    guess: ndarray,
-    a: ndarray,
-    b: ndarray,
-    done: ndarray,
-    crosses: ndarray,
-    cell: float,
-) -> ndarray:
-    """`Status` of rod ends; ``done`` is the mask of those that converged."""
     p, q = x - a, x - b
     sine = np.sqrt((cross(p, q) ** 2).sum(axis=0)) / cell**2
     corner = a + b - guess
@@ -425,7 +380,7 @@ def _judged(
     folds = crosses & (apart | (done & ((sine <= FOLDED) | backwards)))
     turned = ~crosses & done & ((p * (guess - a)).sum(axis=0) <= 0)
     status = np.where(done & ~turned, Status.LAID, Status.OFF)
-    return np.where(folds, Status.FOLDED, status).astype(np.int8)
+    return x, gradient, np.where(folds, Status.FOLDED, status).astype(np.int8)
 
 
 def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
@@ -453,3 +408,126 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
         part = np.s_[..., row, :m, :n]
         quadrants.append(Quadrant(x[part], status[part]))
     return quadrants
+
+
+# Angle in degrees between two edges of an outline that meet at a corner.  Outlines of
+# round parts have at least twenty edges.
+_CORNER_DEG = 30.0
+
+
+class CurvePlace(NamedTuple):
+    """Place on a curve: number of the segment, position in mm, unit tangent, (3,)."""
+
+    segment: int
+    position: ndarray
+    tangent: ndarray
+
+
+def curve_points(curve: ArrayLike) -> ndarray:
+    """Points of a curve of a first thread in mm, shape (3, n), without repetitions.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two distinct points, or one is not finite.
+    """
+    points = real_numbers("net: curve of a first thread", curve)
+    if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
+        raise ValueError(
+            "net: the curve of a first thread must be finite numbers of shape (3, n)"
+        )
+    apart = (points[:, 1:] != points[:, :-1]).any(axis=0)
+    points = points[:, np.append(True, apart)]
+    if points.shape[1] < 2:
+        raise ValueError(
+            "net: the curve of a first thread must have two distinct points"
+        )
+    return points
+
+
+def closest(curve: ndarray, x: ndarray) -> CurvePlace:
+    """Place on a curve closest to a point in mm, shape (3,)."""
+    begin, along = curve[:, :-1], np.diff(curve)
+    share = ((x[:, None] - begin) * along).sum(axis=0) / (along**2).sum(axis=0)
+    feet = begin + np.clip(share, 0.0, 1.0) * along
+    k = int(np.linalg.norm(feet - x[:, None], axis=0).argmin())
+    return CurvePlace(k, feet[:, k], unit(along[:, k]))
+
+
+def _from_closest(curve: ndarray | None, x: ndarray, sign: int) -> ndarray | None:
+    """Part of a curve from the place closest to a point, in or against its direction.
+
+    None without a curve.
+    """
+    if curve is None:
+        return None
+    place = closest(curve, x)
+    rest = curve[:, place.segment + 1 :] if sign > 0 else curve[:, place.segment :: -1]
+    return np.column_stack([place.position, rest])
+
+
+def _from_distance(
+    curve: ndarray, x: ndarray, distance: float
+) -> tuple[ndarray, ndarray]:
+    """Part of a curve from the next point at a distance from x, empty without one.
+
+    Also the direction of the curve there, shape (3,).
+    """
+    away = np.linalg.norm(curve - x[:, None], axis=0)
+    beyond = np.flatnonzero(away >= distance)
+    if not beyond.size:
+        return curve[:, :0], np.zeros(3)
+    k = beyond[0]
+    if not k:
+        raise ValueError(
+            f"net: the curve of a first thread is {away[0]:.3g} mm away from the "
+            f"tool at {coords(curve[:, 0])} mm: specify a curve on the tool"
+        )
+    begin, along = curve[:, k - 1], curve[:, k] - curve[:, k - 1]
+    off = begin - x
+    a, b, c = along @ along, along @ off, off @ off - distance**2
+    share = (np.sqrt(b * b - a * c) - b) / a
+    return np.column_stack([begin + share * along, curve[:, k:]]), along
+
+
+def edge_through(outline: ArrayLike, point: ArrayLike) -> ndarray:
+    """Edge of a closed outline, from corner to corner, that is nearest to a point.
+
+    Corners are points where the outline turns by more than 30°.
+
+    Parameters
+    ----------
+    outline
+        Points of a closed curve in mm, shape (3, n), the first not repeated, such as a
+        curve of `ToolMesh.boundary`.
+    point
+        Point near the edge in mm, shape (3,).
+
+    Returns
+    -------
+    ndarray
+        Points of the edge in mm, shape (3, m), in the order of the outline; the whole
+        outline, closed, if it has no corners.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> square = np.array([[0, 1, 2, 2, 2, 1, 0, 0], [0, 0, 0, 1, 2, 2, 2, 1], 8 * [0]])
+    >>> drape.edge_through(square, (1.2, 0.1, 0)).tolist()
+    [[0.0, 1.0, 2.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    """
+    points = real_numbers("edge: outline", outline)
+    n = points.shape[1]
+    along = np.roll(points, -1, axis=1) - points
+    along = along / np.linalg.norm(along, axis=0)
+    turn = (along * np.roll(along, 1, axis=1)).sum(axis=0)
+    corners = np.flatnonzero(turn < np.cos(np.radians(_CORNER_DEG)))
+    closed = curve_points(np.column_stack([points, points[:, 0]]))
+    if not corners.size:
+        return closed
+    at = closest(closed, np.asarray(point, dtype=float)).segment
+    begin = corners[corners <= at][-1] if (corners <= at).any() else corners[-1] - n
+    after = corners[corners > at]
+    end = after[0] if after.size else corners[0] + n
+    return points[:, np.arange(begin, end + 1) % n]

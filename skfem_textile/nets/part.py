@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 from ..mesh.graph import boundary_edges
 from ..mesh.requirements import require
 from ..surfaces.holes import laplacian, parts_of
-from ..surfaces.tool_mesh import curve_length, loops_of_edges
+from ..surfaces.tool_mesh import closest_on_triangles, loops
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import closest_on_triangles
 from .crossings import Net
-from .flat_pattern import FlatPattern, flat_pattern, spaced_curve
+from .flat_pattern import FlatPattern, flat_pattern, shares_inside, spaced_curve
 from .sheet import Sheet
 
 # Ability that requires shapely.
@@ -119,14 +118,6 @@ def first_layer(net: Net) -> ndarray:
     return first
 
 
-def distances_from(tool: TriangleMesh, points: ndarray) -> ndarray:
-    """Distances of points, (3, n), from the triangles of a tool in mm, shape (n,)."""
-    x, triangles = tool.facets.points, tool.facets.triangles()
-    triangle, shares = closest_on_triangles(x, triangles, points)
-    foot = (shares * x[:, triangles[:, triangle]]).sum(axis=1)
-    return np.asarray(np.linalg.norm(points - foot, axis=0))
-
-
 def _spaced(tool: TriangleMesh, curve: ArrayLike) -> ndarray:
     """Closed curve with points at most a mean edge of the triangles apart."""
     return spaced_curve(curve, float(tool.facets.longest_edges().mean()))
@@ -152,7 +143,7 @@ def _inside(
     )
     for hole in inner:
         outer = outer.difference(hole)
-    ends = _loops(x, triangles)[1:]
+    ends = loops(x, [triangles])[1:]
     if any(shapely.contains_xy(outer, *disk[:, end]).any() for end in ends):
         raise ValueError(
             "part: the curve runs around the tool and bounds no part of it: specify a "
@@ -165,12 +156,6 @@ def _inside(
             "a part, or smaller triangles"
         )
     return inside
-
-
-def _loops(x: ndarray, triangles: ndarray) -> list[ndarray]:
-    """Vertices along each edge of a tool, the longest one first."""
-    loops = loops_of_edges(boundary_edges([triangles]))
-    return sorted(loops, key=lambda loop: -curve_length(x[:, loop]))
 
 
 def _mapped(x: ndarray, triangles: ndarray, disk: ndarray, points: ndarray) -> ndarray:
@@ -191,7 +176,7 @@ def _on_disk(x: ndarray, triangles: ndarray, curve: ndarray) -> ndarray:
         centres = x[:, triangles].mean(axis=1)
         away, _ = KDTree(curve.T).query(centres.T)
         triangles = np.delete(triangles, away.argmax(), axis=1)
-    rim = _loops(x, triangles)[0]
+    rim = loops(x, [triangles])[0]
     parts = parts_of(x.shape[1], triangles)
     own = np.flatnonzero(parts == parts[rim[0]])
     steps = np.linalg.norm(np.roll(x[:, rim], -1, axis=1) - x[:, rim], axis=0)
@@ -259,25 +244,3 @@ def trimmed(
     require("a trimmed net", "outlines", "shapely")
     pattern = flat_pattern(Sheet.of_net(net), curve, spacing, holes)
     return TrimmedNet(net, pattern, shares_inside(net, pattern))
-
-
-def shares_inside(net: Net, pattern: FlatPattern) -> ndarray:
-    """Share of the area of each cell inside a pattern, shape (n_warp, n_weft)."""
-    import shapely
-
-    region = shapely.Polygon(
-        pattern.outline.T, [hole.outline.T for hole in pattern.holes]
-    )
-    s, t = np.meshgrid(*net.along, indexing="ij")
-    flat = np.einsum("ij,jab->iab", net.directions, np.array([s, t]))
-    flat += net.touch[:, None, None]
-    corners = flat[:, :-1, :-1], flat[:, 1:, :-1], flat[:, 1:, 1:], flat[:, :-1, 1:]
-    cells = shapely.polygons(np.stack(corners).transpose(2, 3, 0, 1)[net.cells])
-    shapely.prepare(region)
-    inside = shapely.contains(region, cells).astype(float)
-    cut = shapely.intersects(region, cells) & (inside == 0)
-    parts = shapely.area(shapely.intersection(region, cells[cut]))
-    inside[cut] = parts / shapely.area(cells[cut])
-    shares = np.zeros(net.cells.shape)
-    shares[net.cells] = inside
-    return shares

@@ -1,6 +1,6 @@
 """Seams of darts: lines on a tool at which nets end, and their paths."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,8 +8,8 @@ from numpy import ndarray
 
 from ..mesh.graph import boundary_edges
 from ..surfaces.surface import OffSurfaceError, onto
+from ..surfaces.tool_mesh import unit
 from ..surfaces.triangle_mesh import TriangleMesh
-from ..surfaces.triangles import unit
 
 # Radius of a disc relative to the length of a seam, at least a cell, and the Gauss
 # curvature of a disc in radians above which it is concentrated there.  It is the shear
@@ -19,10 +19,6 @@ _DISC, _CONCENTRATED = 0.05, 0.2
 # Distance of concentrated curvature from the seam up to which it belongs to the seam,
 # relative to the length of the seam.
 _BESIDE = 0.25
-
-#: Integral of the Gauss curvature in radians over balls around points in mm, (3, n), of
-#: a radius in mm, shape (n,).
-Curvature = Callable[[ndarray, float], ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +64,8 @@ class Seams:
     spots next to seams are left out when it is laid, and filled from all sides.
     """
 
-    def __init__(
-        self, seams: Sequence[Seam], curvature: Curvature, cell: float
-    ) -> None:
-        self.seams, self._curvature, self._cell = tuple(seams), curvature, cell
+    def __init__(self, seams: Sequence[Seam], tool: TriangleMesh, cell: float) -> None:
+        self.seams, self._tool, self._cell = tuple(seams), tool, cell
 
     def nearest(self, x: ndarray) -> tuple[ndarray, ndarray, ndarray]:
         """Number of the nearest seam of each point, shape (n,).
@@ -92,7 +86,7 @@ class Seams:
             near = np.flatnonzero(~mask & (distance < _BESIDE * seam.length))
             if near.size:
                 radius = max(_DISC * seam.length, self._cell)
-                within = self._curvature(x[:, near], radius)
+                within = self._tool.curvature_within(x[:, near], radius)
                 mask[near] = np.abs(within) > _CONCENTRATED
         return mask
 
@@ -135,9 +129,6 @@ _ENDED = 1.2
 
 # Turning of the surface over this width in radians above which a seam follows an edge.
 _TURNS = 0.2
-
-# Largest sideways correction of a step, relative to the step.
-_SIDEWAYS = 0.5
 
 # Length in cells of the shortest way that is the direction at the tip.
 _BEGIN = 4.0
@@ -184,7 +175,7 @@ def seam_from(
         along = _in_plane(tool, chain[-1], along)
         try:
             ahead = onto(tool, (chain[-1] + step * along)[:, None])[:, 0]
-            chain.append(_moved(tool, ahead, along, widths, _SIDEWAYS * step))
+            chain.append(_moved(tool, ahead, along, widths, step))
         except OffSurfaceError:
             break
         if tool.beyond_edges(chain[-1][:, None])[0] > 0:

@@ -12,7 +12,7 @@ from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import Axes, OffSurfaceError, onto
 from ..surfaces.triangle_mesh import TriangleMesh
-from .crossings import Net
+from .crossings import Net, corners
 from .kinematic_net import NetStart, nets
 
 #: Measure of the shear over a part.
@@ -184,16 +184,11 @@ def shear_over(net: Net, points: ndarray) -> ndarray:
     shear = np.full(points.shape[1], np.nan)
     if not cells.any():
         return shear
-    x = net.positions
-    corners = x[:, 1:, 1:], x[:, :-1, 1:], x[:, 1:, :-1], x[:, :-1, :-1]
-    centres = np.mean(corners, axis=0)[:, cells]
+    a, b, c, d = corners(net.positions)
+    centres = net.middles()[:, cells]
     away, nearest = KDTree(centres.T).query(points.T)
-    along = np.array(
-        [
-            corners[0] + corners[2] - corners[1] - corners[3],
-            corners[0] + corners[1] - corners[2] - corners[3],
-        ]
-    )[:, :, cells][:, :, nearest] / (2 * net.cell**2)
+    along = np.array([a + c - b - d, a + b - c - d])[:, :, cells][:, :, nearest]
+    along /= 2 * net.cell**2
     off = points - centres[:, nearest]
     cosine = (along[0] * along[1]).sum(axis=0) * net.cell**2
     one, other = (off * along).sum(axis=1)
@@ -261,8 +256,7 @@ class _Search:
         self._points, self._measure = points, measure
         facets = tool.facets
         self._edge = float(facets.longest_edges().mean())
-        a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
-        normal = np.cross(b - a, c - a, axis=0).sum(axis=1)
+        normal = (facets.areas() * facets.normals()).sum(axis=1)
         self._normal = normal / np.linalg.norm(normal)
         axis = np.eye(3)[np.abs(self._normal).argmin()]
         first = axis - self._normal * (axis @ self._normal)

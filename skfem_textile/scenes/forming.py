@@ -31,9 +31,8 @@ from ..ply.terms import VectorTerm
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
 from ..solve.result import Result
-from ..surfaces.analytic import Height, HeightField, Plane, positive_length
+from ..surfaces.analytic import Die, Height, HeightField, Plane, Punch, positive_length
 from ..surfaces.analytic import double_dome as dome
-from ..surfaces.punch_and_die import Die, Punch
 from ..surfaces.surface import SAME_AXES, Axes, Surface
 from .rectangle import flat_ply, free_edges, in_planes
 from .scene import Scene, with_parameters

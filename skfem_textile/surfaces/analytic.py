@@ -1,14 +1,18 @@
-"""Analytical surfaces: plane, cylinder, sphere, cone, torus, height field.
+"""Analytical surfaces: plane, cylinder, sphere, cone, torus, height field, punch, die.
 
 Except for the plane, φ is positive outside.  Each is a function of the position
 relative to a point and, except for the sphere, of the distance r from an axis and the
 height z along it.
+
+Around the axes of a punch and of a die, where points have no closest one on a wall, φ
+is a smooth function instead of the distance, so that it has a gradient there: towards
+the tip of the punch, and into the hole of the die.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -37,8 +41,7 @@ class Plane(declared.Plane):
     """
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", _vector("plane: point", self.point))
-        object.__setattr__(self, "normal", _unit("plane: normal", self.normal))
+        _check(self, "plane", point=_vector, normal=_unit)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
@@ -66,10 +69,7 @@ class Sphere(declared.Sphere):
     """
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "radius", positive_length("sphere: radius", self.radius)
-        )
-        object.__setattr__(self, "centre", _vector("sphere: centre", self.centre))
+        _check(self, "sphere", radius=positive_length, centre=_vector)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
@@ -100,10 +100,6 @@ class OfRevolution:
 
     point: Vector
     axis: Vector
-
-    def _prepare(self, name: str) -> None:
-        object.__setattr__(self, "point", _vector(f"{name}: point", self.point))
-        object.__setattr__(self, "axis", _unit(f"{name}: axis", self.axis))
 
     def _f(self, r: ndarray, z: ndarray) -> ndarray:
         """The function f of distance from the axis and height along it."""
@@ -174,10 +170,7 @@ class Cylinder(declared.Cylinder, OfRevolution):
     """
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "radius", positive_length("cylinder: radius", self.radius)
-        )
-        self._prepare("cylinder")
+        _check(self, "cylinder", radius=positive_length, point=_vector, axis=_unit)
 
     def _f(self, r: ndarray, z: ndarray) -> ndarray:
         return r - self.radius
@@ -201,13 +194,7 @@ class Cone(declared.Cone, OfRevolution):
     """
 
     def __post_init__(self) -> None:
-        angle = float(real_numbers("cone: angle", self.angle))
-        if not 0 < angle < np.pi / 2:
-            raise ValueError(
-                f"cone: angle must be between 0 and π/2 radians, got {angle:g}"
-            )
-        object.__setattr__(self, "angle", angle)
-        self._prepare("cone")
+        _check(self, "cone", angle=_acute, point=_vector, axis=_unit)
 
     def _f(self, r: ndarray, z: ndarray) -> ndarray:
         return r * np.cos(self.angle) - z * np.sin(self.angle)
@@ -234,15 +221,13 @@ class Torus(declared.Torus, OfRevolution):
     """
 
     def __post_init__(self) -> None:
-        for name in ("radius", "tube"):
-            value = positive_length(f"torus: {name}", getattr(self, name))
-            object.__setattr__(self, name, value)
+        _check(self, "torus", radius=positive_length, tube=positive_length)
         if self.tube >= self.radius:
             raise ValueError(
                 f"torus: tube must be smaller than radius, got {self.tube:g} mm and "
                 f"{self.radius:g} mm"
             )
-        self._prepare("torus")
+        _check(self, "torus", point=_vector, axis=_unit)
 
     def _f(self, r: ndarray, z: ndarray) -> ndarray:
         return np.hypot(r - self.radius, z) - self.tube
@@ -255,6 +240,21 @@ class Torus(declared.Torus, OfRevolution):
         away = np.maximum(np.hypot(r - self.radius, z), TINY)
         c, s = self._df(r, z)
         return s * s / away, -c * s / away, c * c / away
+
+
+def _check(surface: object, name: str, **checks: Callable[[str, Any], Any]) -> None:
+    """Replace parameters of a surface by those that their checks return."""
+    for key, check in checks.items():
+        value = check(f"{name}: {key}", getattr(surface, key))
+        object.__setattr__(surface, key, value)
+
+
+def _acute(what: str, value: ArrayLike) -> float:
+    """Angle between 0 and π/2."""
+    angle = float(real_numbers(what, value))
+    if not 0 < angle < np.pi / 2:
+        raise ValueError(f"{what} must be between 0 and π/2 radians, got {angle:g}")
+    return angle
 
 
 def _vector(what: str, value: Vector) -> ndarray:
@@ -408,3 +408,172 @@ def _dome(
         xy=(q_x * q_y - q_xy) * e,
         yy=(q_y**2 - q_yy) * e,
     )
+
+
+# Slope of the level along the axis.  The level on the axis of a die remains above 0.7
+# of the radius, and on the axis of a punch below -0.6 of it.
+_SLOPE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Punch(declared.Punch, OfRevolution):
+    """Cylindrical shaft with a hemispherical end; φ is the distance, positive outside.
+
+    Within half of the radius from the axis of the shaft and from the centre of the
+    hemisphere, φ is a smooth function instead of the distance.
+
+    Parameters
+    ----------
+    radius
+        Radius of the shaft and of the hemisphere in mm.
+    point
+        Centre of the hemisphere in mm.
+    axis
+        Direction from the shaft to the tip.
+
+    Examples
+    --------
+    The distances of a point above the tip, and of one beside the shaft:
+
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> drape.Punch(30.0).level(np.array([[0.0, 34.0], [0.0, 0.0], [32.0, -50.0]]))
+    array([2., 4.])
+    """
+
+    def __post_init__(self) -> None:
+        _check(self, "punch", radius=positive_length, point=_vector, axis=_unit)
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        away = np.hypot(r, np.maximum(z, 0.0))
+        inside, _, _ = _core(away, self.radius)
+        depth, _, _ = _depth(z, self.radius)
+        return _rounded(away, self.radius)[0] - self.radius + inside * depth
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        away, n_r, n_z = self._direction(r, z)
+        slope, _ = self._slopes(away, z)
+        inside, _, _ = _core(away, self.radius)
+        _, depth_z, _ = _depth(z, self.radius)
+        return n_r * slope, n_z * slope + inside * depth_z
+
+    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        away, n_r, n_z = self._direction(r, z)
+        slope, bend = self._slopes(away, z)
+        inside, inside_r, _ = _core(away, self.radius)
+        _, depth_z, depth_zz = _depth(z, self.radius)
+        around, mixed = np.where(z > 0, slope / away, 0.0), inside_r * depth_z
+        return (
+            bend * n_r**2 + around * n_z**2,
+            (bend - around) * n_r * n_z + mixed * n_r,
+            bend * n_z**2 + around * n_r**2 + 2 * mixed * n_z + inside * depth_zz,
+        )
+
+    def _direction(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """Distance from the axis of the shaft or the centre, and its derivatives."""
+        above = np.maximum(z, 0.0)
+        away = np.maximum(np.hypot(r, above), TINY)
+        return away, np.where(z > 0, r / away, 1.0), above / away
+
+    def _slopes(self, away: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        """First and second derivative of φ by this distance."""
+        _, slope, bend = _rounded(away, self.radius)
+        _, inside_r, inside_rr = _core(away, self.radius)
+        depth, _, _ = _depth(z, self.radius)
+        return slope + inside_r * depth, bend + inside_rr * depth
+
+
+@dataclass(frozen=True, eq=False)
+class Die(declared.Die, OfRevolution):
+    """Plane with a round hole and a fillet; φ is the distance, positive outside.
+
+    Within half of the radius from the axis of the hole φ is a smooth function instead
+    of the distance.
+
+    Parameters
+    ----------
+    radius
+        Radius of the hole in mm.
+    fillet
+        Radius of the fillet between plane and hole in mm.
+    point
+        Centre of the hole in the plane, in mm.
+    axis
+        Direction from the plane into the hole.
+
+    Examples
+    --------
+    The distances of a point below the plane, and of one beside the fillet:
+
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> die = drape.Die(80.0, 10.0)
+    >>> die.level(np.array([[120.0, 82.0], [0.0, 0.0], [-2.0, 2.0]])).round(4)
+    array([2.    , 1.3137])
+    """
+
+    def __post_init__(self) -> None:
+        _check(self, "die", radius=positive_length, fillet=positive_length)
+        _check(self, "die", point=_vector, axis=_unit)
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        inside, _, _ = _core(r, self.radius)
+        depth, _, _ = _depth(z, self.radius)
+        return self._section(r, z)[0] - inside * depth
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        _, n_r, n_z, _ = self._section(r, z)
+        _, slope, _ = _rounded(r, self.radius)
+        inside, inside_r, _ = _core(r, self.radius)
+        depth, depth_z, _ = _depth(z, self.radius)
+        return n_r * slope - inside_r * depth, n_z - inside * depth_z
+
+    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        _, n_r, n_z, curved = self._section(r, z)
+        _, slope, bend = _rounded(r, self.radius)
+        inside, inside_r, inside_rr = _core(r, self.radius)
+        depth, depth_z, depth_zz = _depth(z, self.radius)
+        return (
+            curved * (n_z * slope) ** 2 + n_r * bend - inside_rr * depth,
+            -curved * n_r * n_z * slope - inside_r * depth_z,
+            curved * n_r**2 - inside * depth_zz,
+        )
+
+    def _section(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        """Distance in the section, its derivatives by r and z, and its curvature."""
+        r = _rounded(r, self.radius)[0] - (self.radius + self.fillet)
+        z = z - self.fillet
+        plane, wall = (r >= 0) & (z <= r), (z >= 0) & (r < z)
+        away = np.maximum(np.hypot(r, z), TINY)
+        distance = np.where(plane, -z, np.where(wall, -r, away)) - self.fillet
+        n_r = np.where(plane, 0.0, np.where(wall, -1.0, r / away))
+        n_z = np.where(plane, -1.0, np.where(wall, 0.0, z / away))
+        return distance, n_r, n_z, np.where(plane | wall, 0.0, 1 / away)
+
+
+def _rounded(r: ndarray, radius: float) -> tuple[ndarray, ndarray, ndarray]:
+    """Distance r from an axis, an even polynomial near it, and its derivatives."""
+    half = 0.5 * radius
+    s = np.minimum(r / half, 1.0)
+    even = half * (3 + 6 * s**2 - s**4) / 8
+    return np.where(s < 1, even, r), 1.5 * s - 0.5 * s**3, 1.5 * (1 - s**2) / half
+
+
+def _core(r: ndarray, radius: float) -> tuple[ndarray, ndarray, ndarray]:
+    """Weight of `_depth` and its derivatives: 1 on the axis, 0 at half the radius."""
+    half = 0.5 * radius
+    s = np.minimum(r / half, 1.0)
+    c = 1 - s**2
+    return c**3, -6 * s * c**2 / half, (24 * s**2 * c - 6 * c**2) / half**2
+
+
+def _depth(z: ndarray, radius: float) -> tuple[ndarray, ndarray, ndarray]:
+    """Bounded function of the position along an axis, and its derivatives.
+
+    It is so small that φ does not change its sign on the axis, and its slope is not
+    zero there.
+    """
+    s = z / radius
+    slope = _SLOPE / (1 + s**2)
+    bend = -2 * slope * s / (1 + s**2) / radius
+    return _SLOPE * radius * np.arctan(s), slope, bend

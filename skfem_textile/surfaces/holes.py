@@ -5,8 +5,8 @@ from itertools import compress
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.graph import boundary_edges, components
-from .tool_mesh import curve_length, loops_of_edges
+from ..mesh.graph import components
+from .tool_mesh import loops
 
 # Distance of the vertices of a patch from its edge, relative to their spacing.
 _INSIDE = 0.7
@@ -38,14 +38,13 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     MeshError
         See `loops_of_edges`.
     """
-    loops = loops_of_edges(boundary_edges([triangles]))
-    loops.sort(key=lambda loop: curve_length(x[:, loop]), reverse=True)
+    edges = loops(x, [triangles])
     part, turn = parts_of(x.shape[1], triangles), turning(x, triangles)
     outer = of_outer_edges(
-        np.array([turn[loop].sum() for loop in loops]),
-        np.array([part[loop[0]] for loop in loops]),
+        np.array([turn[loop].sum() for loop in edges]),
+        np.array([part[loop[0]] for loop in edges]),
     )
-    for loop in compress(loops, ~outer):
+    for loop in compress(edges, ~outer):
         x, patch = _flat_patch(x, loop)
         around = triangles[:, np.isin(triangles, loop).any(axis=0)]
         free = np.setdiff1d(patch, loop)

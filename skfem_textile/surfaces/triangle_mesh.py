@@ -13,11 +13,10 @@ from numpy import ndarray
 from ..mesh.checks import MeshError
 from ..mesh.graph import boundary_edges
 from ..mesh.user_input import coords
-from .holes import filled
+from .holes import filled, turning
 from .quadrics import FITTED, Derivatives, Quadrics
 from .repair import mean_edge, repaired
-from .tool_mesh import ToolMesh
-from .triangles import ElementTree, closest_on_triangles, unit
+from .tool_mesh import ElementTree, ToolMesh, closest_on_triangles
 
 # Number of positions for which values are kept in memory: a Newton iteration returns to
 # the last state after a trial step.
@@ -205,6 +204,10 @@ class TriangleMesh:
         beyond[near] = self._away(x[:, near])[1]
         return beyond
 
+    def from_triangles(self, x: ndarray) -> ndarray:
+        """Distances of points, (3, n), from the triangles in mm, shape (n,)."""
+        return np.asarray(np.linalg.norm(self._away(x)[0], axis=0))
+
     def off_triangles(self, x: ndarray) -> ndarray:
         """Distances of points on the smoothed surface from the triangles in mm, (n,).
 
@@ -242,6 +245,24 @@ class TriangleMesh:
     @cached_property
     def _edges(self) -> "_Edges":
         return _Edges(self.facets)
+
+    @cached_property
+    def curvature(self) -> ndarray:
+        """Gauss curvature of the vertices, 2π less the angles there in radians, (n,).
+
+        0 at edges.
+        """
+        curvature = np.pi + turning(self._x.T, self.facets.triangles())
+        curvature[np.unique(boundary_edges(self.facets.cells))] = 0.0
+        return curvature
+
+    def curvature_within(self, x: ndarray, radius: float) -> ndarray:
+        """Integral of the curvature over balls around points, in radians, (n,)."""
+        from scipy.spatial import KDTree
+
+        curved = np.flatnonzero(self.curvature)
+        pairs = KDTree(x.T).query_ball_tree(KDTree(self._x[curved]), radius)
+        return np.array([self.curvature[curved[of]].sum() for of in pairs])
 
     def far_away(self, x: ndarray) -> tuple[ndarray, ndarray]:
         """Side of the tool of points far away, 0 near it, and the normal there.
@@ -328,31 +349,3 @@ def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
             "onto each other, like a spike: correct this vertex"
         )
     return normals / length
-
-
-class GaussCurvature:
-    """Gauss curvature of a tool, at the vertices of its triangles."""
-
-    def __init__(self, tool: TriangleMesh) -> None:
-        self.points = tool.facets.points
-        self.defects = _defects(self.points, tool.facets.triangles())
-
-    def within(self, x: ndarray, radius: float) -> ndarray:
-        """Integral of the curvature over balls around points, in radians, (n,)."""
-        from scipy.spatial import KDTree
-
-        near = np.flatnonzero(self.defects)
-        pairs = KDTree(x.T).query_ball_tree(KDTree(self.points[:, near].T), radius)
-        return np.array([self.defects[near[of]].sum() for of in pairs])
-
-
-def _defects(points: ndarray, triangles: ndarray) -> ndarray:
-    """Curvature of vertices: 2π minus their angles in radians, shape (n,)."""
-    angles = np.zeros(points.shape[1])
-    for k in range(3):
-        a, b, c = (points[:, triangles[(k + m) % 3]] for m in range(3))
-        cosine = (unit(b - a) * unit(c - a)).sum(axis=0)
-        np.add.at(angles, triangles[k], np.arccos(np.clip(cosine, -1.0, 1.0)))
-    defect = 2 * np.pi - angles
-    defect[np.unique(boundary_edges([triangles]))] = 0.0
-    return defect

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from skfem_textile import drape
-from skfem_textile.surfaces.triangles import (
+from skfem_textile.surfaces.tool_mesh import (
     ElementTree,
     _may_be_closest,
     closest_on_triangles,
