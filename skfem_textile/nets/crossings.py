@@ -6,7 +6,7 @@ flattest and sheared least.
 """
 
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -372,7 +372,6 @@ def filled_at_seams(
             pass
         filling.open_spots(locking_angle)
         for least in (0, -1):
-            filling.reconsider()
             while filling.corners(least):
                 pass
         sides.append(filling.net())
@@ -399,7 +398,6 @@ class _Filling:
         self._x, self._status = net.positions.copy(), net.status.copy()
         self._open = np.isin(net.status, (Status.EDGE, Status.SEAM))
         self._most = np.pi
-        self._front = np.ones(net.status.shape, dtype=bool)
         self._spots_open = False
         self._in_spots = np.zeros(net.status.shape, dtype=bool)
         self._labels = np.zeros(net.status.shape, dtype=int)
@@ -413,10 +411,6 @@ class _Filling:
         labels = None if self._seams is None else self._labels
         return replace(self._net, positions=self._x, status=self._status, seams=labels)
 
-    def reconsider(self) -> None:
-        """Make all missing corners candidates again."""
-        self._front[:] = True
-
     def open_spots(self, locking_angle: float) -> None:
         """Lay crossings in spots too from now on, unless their cells lock."""
         self._most = locking_angle
@@ -429,8 +423,7 @@ class _Filling:
         Cells count if the other three corners have sign(label) · side ≥ ``least``.
         """
         laid = self._status == Status.LAID
-        corners = _missing(laid, self._open & self._front)
-        self._front[:] = False
+        corners = _missing(laid, self._open)
         on, labels = (
             np.array([of[*at] for at in corners[:3]]) for of in (self._on, self._labels)
         )
@@ -539,10 +532,6 @@ class _Filling:
         if self._seams is not None:
             self._labels[*at], beyond = self._seams.labels(x, before)
             self._on[*at] &= beyond <= 0
-        for di, dj in product((-1, 0, 1), repeat=2):
-            i, j = at[0] + di, at[1] + dj
-            inside = (i >= 0) & (j >= 0) & (i < len(self._on)) & (j < len(self._on.T))
-            self._front[i[inside], j[inside]] = True
 
 
 def _angle(a: ndarray, b: ndarray) -> ndarray:

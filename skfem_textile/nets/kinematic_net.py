@@ -293,16 +293,6 @@ def _counts(name: str, n: Any) -> tuple[int, int]:
     return int(counts[0]), int(counts[1])
 
 
-def _masks(ends: ndarray, limits: ndarray) -> list[ndarray]:
-    """Masks of the crossings of each quadrant that cover points in cells, (2, n)."""
-    masks = []
-    for signs, shape in zip(QUADRANTS, limits + 1, strict=True):
-        mask = up_to(ends * np.array(signs)[:, None], tuple(shape))
-        mask[0], mask[:, 0] = True, True
-        masks.append(mask)
-    return masks
-
-
 def _laid(
     surface: Surface,
     starts: list[Start],
@@ -320,7 +310,10 @@ def _laid(
     masks = []
     if over is not None:
         ends = np.linalg.solve(flat, over - origin[:, None]) / cell
-        masks = _masks(ends, limits)
+        for signs, shape in zip(QUADRANTS, limits + 1, strict=True):
+            mask = up_to(ends * np.array(signs)[:, None], tuple(shape))
+            mask[0], mask[:, 0] = True, True
+            masks.append(mask)
     beyond = None if past_edges else getattr(surface, "beyond_edges", None)
     if beyond is not None:
         for start in starts:

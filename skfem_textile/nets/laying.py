@@ -261,8 +261,10 @@ class _Front:
         if at.shape[1] == 2:
             step = self._cell * self._along[family][:, row]
         through, across = x.copy(), cross(step, gradient)
-        for k in self._guided(family, row, i, at.shape[1]):
+        for k in np.flatnonzero(i == (0 if family else at.shape[1] - 1)):
             guides = self._guides[row[k]]
+            if guides[family] is None:
+                continue
             guides[family], along = _from_distance(guides[family], x[:, k], self._cell)
             if guides[family].size:
                 through[:, k] = guides[family][:, 0]
@@ -271,12 +273,6 @@ class _Front:
         with np.errstate(invalid="ignore"):  # a curve along the normal ends the thread
             across /= np.linalg.norm(across, axis=0)
         return x + step, off, x, through, across, np.array([a.seams[at]] * 2)
-
-    def _guided(self, family: int, row: ndarray, i: ndarray, count: int) -> ndarray:
-        """Indices of the first threads that follow a curve."""
-        at_first = i == (count - 1 if family == 0 else 0)
-        has = np.array([self._guides[r][family] is not None for r in row], dtype=bool)
-        return np.flatnonzero(at_first & has) if len(row) else np.zeros(0, dtype=int)
 
     def _lay(self, new: _Diagonal, parts: list[tuple]) -> None:
         masks, *values = zip(*parts, strict=True)

@@ -408,10 +408,8 @@ def _between(
 def _next(of_ring: ndarray) -> ndarray:
     """Index of the next corner in each ring; the corners of a ring are contiguous."""
     following = np.arange(1, len(of_ring) + 1)
-    if not len(of_ring):
-        return following
-    start = np.flatnonzero(np.diff(of_ring, prepend=-1))
-    following[np.append(start[1:], len(of_ring)) - 1] = start
+    first = np.flatnonzero(np.diff(of_ring, prepend=-1))
+    following[np.flatnonzero(np.diff(of_ring, append=-1))] = first
     return following
 
 

@@ -99,7 +99,7 @@ class Outline:
         self._what = ["the outline", *_names_of_holes(len(holes))]
         both = zip(self._what, (polygon, *holes), strict=True)
         given = [valid_ring(*one) for one in both]
-        turned = [(signed_area(r) < 0) == (i == 0) for i, r in enumerate(given)]
+        turned = [_is_anticlockwise(r) == (i > 0) for i, r in enumerate(given)]
         self.rings = [
             np.ascontiguousarray(r[:, ::-1]) if t else r
             for r, t in zip(given, turned, strict=True)
@@ -222,7 +222,7 @@ class Outline:
             raise ValueError(
                 f"region {name!r} at {coords(ring[:, 0])} lies outside the outline"
             )
-        return ring if signed_area(ring) > 0 else np.ascontiguousarray(ring[:, ::-1])
+        return ring if _is_anticlockwise(ring) else np.ascontiguousarray(ring[:, ::-1])
 
     @classmethod
     def of_mesh(cls, mesh: Mesh) -> Self:
@@ -354,10 +354,8 @@ def by_ring(rings: Sequence[ndarray], values: ndarray) -> list[ndarray]:
     return np.split(values, ends[:-1], axis=-1)
 
 
-def signed_area(ring: ndarray) -> float:
-    """Area of a polygon with corners (2, n), positive if they run anticlockwise."""
-    x, y = ring - ring[:, :1]
-    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+def _is_anticlockwise(ring: ndarray) -> bool:
+    return bool(shapely.is_ccw(shapely.linearrings(ring.T)))
 
 
 def _names_of_holes(n: int) -> list[str]:

@@ -18,7 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import Delaunay, KDTree
 
 from ..mesh.user_input import coords
-from .cells import CORNER, angle, corners_of_rings, cross
+from .cells import CORNER, angle, corners_of_rings
 
 # Distance relative to the extent below which points coincide.  It is far above the
 # error of curved fibres on the outline (1e-9).
@@ -280,24 +280,20 @@ def _joined(
         around[b].append(i)
     node, rank = kept.copy(), np.where(kept, 2, 0)
     for k, sides in enumerate(around):
-        on_outline = any(line[i] < 0 for i in sides)
-        if len(sides) != 2:
+        outline = [i for i in sides if line[i] < 0]
+        pair = outline if len(outline) == 2 else sides
+        turn = shorter = 0.0
+        if len(pair) == 2:
+            u, v = (x[ends[:, i].sum() - k] - x[k] for i in pair)
+            turn = abs(angle(u, -v))
+            shorter = min(np.linalg.norm(u), np.linalg.norm(v))
+        if len(sides) != 2:  # a corner of the outline may meet lines
             node[k] = bool(sides)
-            rank[k] = max(rank[k], on_outline)
-            continue
-        u, v = (x[ends[:, i].sum() - k] - x[k] for i in sides)
-        turn = abs(angle(u, -v))
-        shorter = min(np.linalg.norm(u), np.linalg.norm(v))
-        if turn > CORNER or turn * shorter > _KEPT * size:
+            rank[k] = max(rank[k], 2 if turn > 1e-6 else bool(outline))
+        elif turn > CORNER or turn * shorter > _KEPT * size:
             node[k], rank[k] = True, 2
         elif line[sides[0]] != line[sides[1]]:
             node[k] = True
-    for k in np.flatnonzero(node).tolist():  # corners that meet lines
-        outline = [i for i in around[k] if line[i] < 0]
-        if len(outline) == 2:
-            u, v = (x[ends[:, i].sum() - k] - x[k] for i in outline)
-            if abs(cross(u, v)) > 1e-6 * np.linalg.norm(u) * np.linalg.norm(v):
-                rank[k] = 2
     chains, left = [], set(range(len(line)))
 
     def walk(k: int, i: int) -> None:
