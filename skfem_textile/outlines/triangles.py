@@ -282,11 +282,11 @@ def _joined(
     for k, sides in enumerate(around):
         outline = [i for i in sides if line[i] < 0]
         pair = outline if len(outline) == 2 else sides
-        turn = shorter = 0.0
+        turn, shorter = 0.0, 0.0
         if len(pair) == 2:
             u, v = (x[ends[:, i].sum() - k] - x[k] for i in pair)
             turn = abs(angle(u, -v))
-            shorter = min(np.linalg.norm(u), np.linalg.norm(v))
+            shorter = float(min(np.linalg.norm(u), np.linalg.norm(v)))
         if len(sides) != 2:  # a corner of the outline may meet lines
             node[k] = bool(sides)
             rank[k] = max(rank[k], 2 if turn > 1e-6 else bool(outline))
