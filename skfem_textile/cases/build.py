@@ -1,4 +1,4 @@
-"""Construction of a case from its declaration."""
+"""Construction of a case from its declaration, and tables of the laws of a fabric."""
 
 import filecmp
 import logging
@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -38,10 +38,13 @@ from .schema import (
     Loads,
     Mesh,
     Shear,
+    ShearLaw,
     Stepping,
     Tension,
+    TensionLaw,
 )
 from .tools import ToolTable
+from .write import tables_of
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -509,3 +512,44 @@ def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
 def _direction(degrees: float) -> np.ndarray:
     angle = np.radians(degrees)
     return np.array([np.cos(angle), np.sin(angle)])
+
+
+def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[str, Any]:
+    """Tables of a case file with the numbers of laws, or with the file of the fabric.
+
+    Parameters
+    ----------
+    fabric
+        The fabric.
+    tables
+        Names of the tables: ``tension``, ``shear`` or ``bending``.
+    file
+        File of the fabric, for laws that no table contains, such as tabulated ones.
+    """
+    tensions, found = fabric.tensions, {}
+    if "tension" in tables:
+        if not isinstance(tensions, TwoLaws):
+            return {"fabric": {"file": file}}
+        found["tension"] = _table(tensions.warp)
+        if found["tension"] and tensions.weft != tensions.warp:
+            found["tension"]["weft"] = _table(tensions.weft)
+    if "shear" in tables:
+        found["shear"] = _table(fabric.shear_law)
+    if "bending" in tables:
+        stiffnesses = *fabric.bending, fabric.twist
+        keys = "warp_N_mm", "weft_N_mm", "twist_N_mm"
+        found["bending"] = {}
+        if not any(np.ndim(one) for one in stiffnesses):
+            found["bending"] = dict(zip(keys, map(float, stiffnesses), strict=True))
+    complete = all(one and one.get("weft", True) for one in found.values())
+    return found if complete else {"fabric": {"file": file}}
+
+
+def _table(law: Any) -> dict[str, Any]:
+    """Table of a law with its numbers; empty if there is none for its class."""
+    if np.ndim(getattr(law, "stiffness", 0.0)):
+        return {}
+    for table in {*get_args(TensionLaw), *get_args(ShearLaw)}:
+        if table.keys and type(law) is table.implementation():
+            return tables_of(table.of(law))
+    return {}

@@ -17,8 +17,7 @@ from ..solve.result import Result
 from ..solve.states import State
 from ..surfaces.surface import Surface
 from ..surfaces.tool_mesh import triangles_within
-from .fibre_lines import Fibres
-from .sheet import LIGHT, Scale, Shape, Tool, eye_axes, in_perspective
+from .sheet import LIGHT, Fibres, Scale, Shape, Tool, eye_axes, in_perspective
 
 if TYPE_CHECKING:
     from ..contact import PlacedTool
@@ -297,19 +296,6 @@ def fibres_of(ply: FabricOnBasis) -> Fibres:
     shape = 2, ply.mesh.nelements
     directions = (np.broadcast_to(A[..., 0], shape) for A in ply.directions(ply.centre))
     return Fibres.of(ply.mesh.p, (ply.mesh.t,), *directions)
-
-
-def on_one_scale(
-    results: Sequence[Result],
-    states: Sequence[State],
-    field: Field,
-    cmap: Any = None,
-    clim: Sequence[float] | None = None,
-) -> tuple[list[ndarray], Scale]:
-    """Values of a field for each result, and their common scale."""
-    pairs = zip(results, states, strict=True)
-    values = [values_of(field, result.ply, at.u) for result, at in pairs]
-    return values, scale_of(field, values, cmap, clim)
 
 
 def scale_of(

@@ -1,15 +1,17 @@
-"""Picture files: validation of paths before drawing, and writing."""
+"""Picture files, validated before drawing, and figures of matplotlib in one style."""
 
 import contextlib
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
 
 from ..mesh.user_input import with_article
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .layout import TITLE
 
 #: Suffixes of vector graphics.
 VECTORS = (".svg", ".pdf", ".eps")
@@ -70,10 +72,8 @@ def atomic_file(path: Path, suffix: str) -> Iterator[Path]:
     unfinished.replace(path)
 
 
-def save(figure: "Figure", path: Path | None) -> None:
+def save(figure: Figure, path: Path | None) -> None:
     """Write a figure in the format of the suffix; without a path do nothing."""
-    import matplotlib as mpl
-
     if path is None:
         return
     suffix = path.suffix.lower() or SUFFIXES[0]
@@ -87,3 +87,37 @@ def save_pixels(pixels: Any, path: Path) -> None:
 
     with atomic_file(path, ".png") as file:
         Image.fromarray(pixels).save(file, dpi=(_DOTS, _DOTS))
+
+
+def figure_style(size: float = TITLE) -> AbstractContextManager[None]:
+    """Context in which figures have one style, with text of a size in points.
+
+    Examples
+    --------
+    >>> with figure_style():
+    ...     mpl.rcParams["font.size"], mpl.rcParams["axes.spines.top"]
+    (8.0, False)
+    """
+    return mpl.rc_context(
+        {
+            "font.size": size,
+            "axes.titlesize": "medium",
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.linewidth": 0.6,
+            "lines.linewidth": 1.0,
+        }
+    )
+
+
+@contextlib.contextmanager
+def new_figure(filename: str | os.PathLike[str] | None) -> Iterator[Figure]:
+    """Yield a figure in the style of all figures, which is written at the end.
+
+    The name of the file, which may be None, is validated first.
+    """
+    path = None if filename is None else picture_path(filename)
+    with figure_style():
+        figure = Figure(layout="constrained")
+        yield figure
+        save(figure, path)
