@@ -54,7 +54,7 @@ from ..surfaces.surface import (
     onto,
 )
 from .edge_tension import AROUND, CELLS, EdgeTension, edge_net
-from .rectangle import flat_ply, in_planes, misfit
+from .rectangle import flat_ply, half_way, in_planes, misfit
 from .scene import Scene, unknown
 
 log = logging.getLogger(__name__)
@@ -176,18 +176,19 @@ def draped_ply(
     ValueError
         See `flat_ply`; also if a whole ply cannot be held on the tool.
     """
-    flat, angles, tension, held = flat_ply(name, mesh, **ply)
+    laid_flat = flat_ply(name, mesh, **ply)
+    flat, angles, tension, held = laid_flat
     on_tool = OnSurface(surface, stated=axes.of_tool)
 
     laid = _Laid(flat, on_tool, tension, angles, held)
     check(flat, laid.lay)
     held_at = in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
-    c, s = float(np.cos(angles[0])), float(np.sin(angles[0]))
+    warp, weft = laid_flat.fibres
     return Scene(
         name=name,
         mesh=flat,
-        warp=(c, s),
-        weft=(-s, c),
+        warp=warp,
+        weft=weft,
         conditions={"tool": on_tool, **held_at},
         driven="tool",
         shear_angle=exact,
@@ -261,11 +262,7 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
     The node nearest to the centre is fixed along x.  The node nearest to the middle of
     the right half of the x axis, and the opposite one on the left, are fixed along y.
     """
-    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
-    if (low >= 0).any() or (high <= 0).any():
-        raise MeshError(
-            f"{name}: the origin must be inside the mesh of a whole ply: move the mesh"
-        )
+    half = half_way(name, mesh)
 
     def nearest(target: ndarray, among: ndarray) -> ndarray:
         if not among.size:
@@ -281,7 +278,6 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
     nodes, off = np.arange(mesh.p.shape[1]), _OFF * np.ptp(mesh.p)
     middle = nearest(np.zeros(2), nodes)
     others = nodes[nodes != middle]
-    half = np.array([0.5 * float(high[0]), 0.0])
     right = nearest(half, others[mesh.p[0, others] > off])
     left = nearest(-mesh.p[:, right[0]], others[mesh.p[0, others] < -off])
     try:

@@ -35,7 +35,7 @@ from ..surfaces.analytic import Height, HeightField, Plane, positive_length
 from ..surfaces.analytic import double_dome as dome
 from ..surfaces.punch_and_die import Die, Punch
 from ..surfaces.surface import SAME_AXES, Axes, Surface
-from .rectangle import flat_ply, free_edges, in_planes
+from .rectangle import flat_ply, free_edges, half_way, in_planes
 from .scene import Scene, with_parameters
 
 if TYPE_CHECKING:
@@ -115,14 +115,15 @@ def formed_ply(
         If the mesh is not valid or does not fit, or a number is not.
     """
     options = declared.Formed(**ply).ply()
-    flat, angles, tension, held = flat_ply(name, mesh, **options)
+    laid_flat = flat_ply(name, mesh, **options)
+    flat, _, tension, held = laid_flat
     held_at = in_planes(name, flat) if held else _at_centre(name, flat, not tension)
-    c, s = float(np.cos(angles[0])), float(np.sin(angles[0]))
+    warp, weft = laid_flat.fibres
     return Scene(
         name=name,
         mesh=flat,
-        warp=(c, s),
-        weft=(-s, c),
+        warp=warp,
+        weft=weft,
         conditions=held_at,
         driven=tools[0].name if tools else "",
         dimension=3,
@@ -171,15 +172,10 @@ def _press_tools(
 
 def _at_centre(name: str, mesh: Mesh, turns: bool) -> dict[str, Condition]:
     """Conditions of a whole ply against motions in its plane."""
-    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
-    if (low >= 0).any() or (high <= 0).any():
-        raise MeshError(
-            f"{name}: the origin must be inside the mesh of a whole ply: move the mesh"
-        )
+    half = half_way(name, mesh)
     centre = int(np.hypot(*mesh.p).argmin())
     held = {"centre": Condition([centre], (0.0, 0.0, None))}
     if turns:
-        half = 0.5 * np.array([float(high[0]), 0.0])
         away = np.hypot(*(mesh.p - half[:, None]))
         away[centre] = np.inf
         held["turn"] = Condition([int(away.argmin())], (None, 0.0, None))
