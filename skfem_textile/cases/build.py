@@ -3,9 +3,9 @@
 import filecmp
 import logging
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -390,11 +390,15 @@ def _fabric(
     fibres: tuple[Any, Any] = (Fabric.warp, Fabric.weft),
 ) -> Fabric:
     """Fabric with the given laws; an error names the table."""
-    warp = _named("tension", tension.build)
-    weft = None if tension.weft is None else _named("tension weft", tension.weft.build)
+    with _errors_in("tension "):
+        warp = tension.build()
+    with _errors_in("tension weft "):
+        weft = None if tension.weft is None else tension.weft.build()
+    with _errors_in("shear "):
+        of_shear = shear.law.build("shear")
     return Fabric(
         warp if weft is None else (warp, weft),
-        _named("shear", partial(shear.law.build, "shear")),
+        of_shear,
         *fibres,
         (bending.warp_N_mm, bending.weft_N_mm),
         bending.twist_N_mm,
@@ -402,12 +406,13 @@ def _fabric(
     )
 
 
-def _named(table: str, build: Callable[[], Any]) -> Any:
-    """Build the law of a table; an error names the table."""
+@contextmanager
+def _errors_in(place: str) -> Iterator[None]:
+    """Let errors begin with the place of their values in the case."""
     try:
-        return build()
+        yield
     except ValueError as error:
-        raise ValueError(f"{table} {printable(error)}") from None
+        raise ValueError(f"{place}{printable(error)}") from None
 
 
 def _fabric_of_file(file: str, table: FabricOfFile) -> Fabric:
@@ -438,10 +443,8 @@ def _with_directions(
         )
     field = read_directions(file)
     turned = FibreDirections(scene.turn @ field.warp, scene.turn @ field.weft)
-    try:
+    with _errors_in(f"mesh.directions {printable(file)}: "):
         warn_of_directions(scene.mesh, turned)
-    except ValueError as error:
-        raise ValueError(f"mesh.directions {printable(file)}: {error}") from None
     misfit = scene.misfit or f"fibre directions are read from {printable(file)}"
     return replace(scene, misfit=misfit), turned.on(fabric)
 
@@ -490,15 +493,13 @@ def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
                 (scene.weft, region.weft_deg),
             )
         ]
-        try:
+        with _errors_in(f"region {name!r}: "):
             fabrics[name] = _fabric(
                 region.tension or file.tension,
                 region.shear or file.shear,
                 region.bending or file.bending,
                 (fibres[0], fibres[1]),
             )
-        except ValueError as error:
-            raise ValueError(f"region {name!r}: {error}") from None
     named = [
         cells for name, cells in (mesh.subdomains or {}).items() if name in fabrics
     ]

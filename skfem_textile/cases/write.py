@@ -122,11 +122,12 @@ class WrittenCase:
 
     def __init__(self, case: CaseFile) -> None:
         self._files: dict[str, bytes] = {}
-        self.text = case_text(with_files(case, self._store), WRITTEN)
+        self._case = with_files(case, self._store)
 
     def write(self, folder: Path) -> None:
         """Write ``case.toml`` and the files that it refers to into a folder."""
-        (folder / CASE).write_text(self.text, encoding="utf-8")
+        text = case_text(self._case, WRITTEN)
+        (folder / CASE).write_text(text, encoding="utf-8")
         for name, content in self._files.items():
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(content)

@@ -6,8 +6,9 @@ These options are also the keys of a file of tests.
 import re
 import tomllib
 from argparse import ArgumentTypeError
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from ..mesh.user_input import MOST_DEGREES
 
@@ -16,6 +17,8 @@ _SUFFIX = ".toml"
 
 #: A case file in a help text.
 CASE_FILE = f"CASE{_SUFFIX}"
+
+_T = TypeVar("_T")
 
 # Upper bound on the depth of a key path.
 _MOST_KEYS = 9
@@ -51,46 +54,47 @@ def _number(word: str, low: float, high: float, expected: str) -> float:
     return number
 
 
+def _named(word: str, of: Callable[[str], _T], expected: str) -> tuple[str, _T]:
+    """Name and value of ``NAME=VALUE``; ``of`` raises an error for other values."""
+    name, _, value = word.partition("=")
+    try:
+        if name and value:
+            return name, of(value)
+    except (ValueError, KeyError):
+        pass
+    raise ArgumentTypeError(f"expected {expected}, got {word!r}")
+
+
 def unit(word: str) -> tuple[str, str]:
     """Column and unit of ``COLUMN=UNIT``."""
-    name, _, unit = word.partition("=")
-    if not (name and unit):
-        raise ArgumentTypeError(f"expected COLUMN=UNIT, such as force=kN, got {word!r}")
-    return name, unit
+    return _named(word, str, "COLUMN=UNIT, such as force=kN")
 
 
 def column(word: str) -> tuple[str, int | str]:
     """Quantity, and number or heading of its column, of ``COLUMN=NUMBER``."""
-    name, _, where = word.partition("=")
-    if not (name and where):
-        raise ArgumentTypeError(
-            f"expected COLUMN=NUMBER or COLUMN=HEADING, such as force=3, got {word!r}"
-        )
-    return name, int(where) if where.isdecimal() else where
+
+    def of(where: str) -> int | str:
+        return int(where) if where.isdecimal() else where
+
+    return _named(word, of, "COLUMN=NUMBER or COLUMN=HEADING, such as force=3")
 
 
 def sign(word: str) -> tuple[str, int]:
     """Column and sign of ``COLUMN=SIGN``."""
-    name, _, factor = word.partition("=")
-    if not name or factor not in ("1", "+1", "-1"):
-        raise ArgumentTypeError(
-            f"expected COLUMN=1 or COLUMN=-1, such as force=-1, got {word!r}"
-        )
-    return name, int(factor)
+    signs = {"1": 1, "+1": 1, "-1": -1}
+    return _named(word, signs.__getitem__, "COLUMN=1 or COLUMN=-1, such as force=-1")
 
 
 def bound(word: str) -> tuple[str, tuple[float, float]]:
     """Parameter and bounds of ``NAME=LOW,HIGH``."""
-    name, _, ends = word.partition("=")
-    try:
+
+    def of(ends: str) -> tuple[float, float]:
         low, high = (float(end) for end in ends.split(","))
-    except ValueError:
-        low = high = float("nan")
-    if not (name and low < high):
-        raise ArgumentTypeError(
-            f"expected NAME=LOW,HIGH with LOW below HIGH, such as c1=0,1, got {word!r}"
-        )
-    return name, (low, high)
+        if not low < high:
+            raise ValueError
+        return low, high
+
+    return _named(word, of, "NAME=LOW,HIGH with LOW below HIGH, such as c1=0,1")
 
 
 def is_case_file(word: str) -> bool:
@@ -120,11 +124,12 @@ def setting(word: str) -> tuple[str, Any]:
 
 def pair(word: str) -> tuple[str, Any]:
     """Name and value of ``NAME=VALUE``; several values are separated by commas."""
-    name, _, value = word.partition("=")
-    if not (name and value):
-        raise ArgumentTypeError(f"expected NAME=VALUE, such as top=0,40, got {word!r}")
-    parts = [_value(part) for part in value.split(",")]
-    return name, parts if len(parts) > 1 else parts[0]
+
+    def of(value: str) -> Any:
+        parts = [_value(part) for part in value.split(",")]
+        return parts if len(parts) > 1 else parts[0]
+
+    return _named(word, of, "NAME=VALUE, such as top=0,40")
 
 
 def _value(word: str) -> Any:
