@@ -21,6 +21,7 @@ from ..ply.terms import Load
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
 from .read import (
+    CaseFile,
     CaseFileError,
     declared,
     default_laws,
@@ -33,7 +34,6 @@ from .schema import (
     MESH_KINDS,
     OUTLINES,
     Bending,
-    CaseFile,
     FabricOfFile,
     Loads,
     Mesh,

@@ -17,18 +17,26 @@ from msgspec import Struct
 from ..declarations.scenes import GRADED, AnyScene
 from ..mesh.user_input import excerpt, printable
 from .scenes import SCENES
+from .scenes import AnyScene as SceneTable
 from .schema import (
+    FILE,
     MESH_KINDS,
+    AnyFormulation,
     Bending,
-    CaseFile,
     FabricOfFile,
     InCompression,
+    Loads,
+    Mesh,
+    Output,
     Region,
     Shear,
+    Stepping,
+    Table,
     Tension,
     Weft,
+    named,
+    tag_of,
 )
-from .table import FILE, named, tag_of
 from .tools import AnyTool
 
 # Limit on the size of a case file; larger ones take long to read.
@@ -56,6 +64,23 @@ _KINDS = {
 
 # Laws by the suffix of a file.
 _OF_FILES = {".csv": "FILE.csv", ".json": "FILE.json"}
+
+
+class CaseFile(Table):
+    """All tables of a case."""
+
+    scene: SceneTable
+    mesh: Mesh
+    fabric: FabricOfFile
+    tension: Tension
+    shear: Shear
+    bending: Bending
+    formulation: AnyFormulation
+    loads: Loads
+    stepping: Stepping
+    output: Output
+    tools: tuple[AnyTool, ...]
+    regions: dict[str, Region]
 
 
 class CaseFileError(ValueError):

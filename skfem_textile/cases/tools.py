@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
 from .. import declarations as declared
-from .table import FILE, DeclaredTable, Degrees, about, table_of
+from .schema import FILE, DeclaredTable, Degrees, about, table_of
 
 if TYPE_CHECKING:
     from numpy import ndarray

@@ -18,10 +18,9 @@ from typing import (
 
 from msgspec import NODEFAULT, Meta, Struct, structs
 
-from .read import with_files
+from .read import CaseFile, with_files
 from .scenes import SCENES
-from .schema import OUTLINES, CaseFile, Region
-from .table import FILE, named, summary_of
+from .schema import FILE, OUTLINES, Region, named, summary_of
 from .tools import AnyTool
 
 #: First line of a case file that a run has written.

@@ -15,8 +15,8 @@ from matplotlib.path import Path
 from numpy.typing import ArrayLike
 
 from ..fabric.law import BiaxialLaw, Law, domain_of
+from .drawing import new_figure
 from .layout import POINT, TITLE, default_width, text_width
-from .picture_files import new_figure
 
 if TYPE_CHECKING:
     from ..outlines import Outline, SingularFibres

@@ -30,9 +30,9 @@ from ..solve.result import Result
 from ..solve.states import State
 from ..surfaces.tool_mesh import cut_in_two
 from .curves import COLOURS, curves
+from .drawing import new_figure
 from .fields import FIELDS, refuse_other_than_result
 from .layout import COLUMN, PAGE
-from .picture_files import new_figure
 from .pictures import RISK, Picture, View, key_of_marks, stage_of
 from .sheet import FAMILIES, Legend, Scale
 

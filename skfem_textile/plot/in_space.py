@@ -14,7 +14,7 @@ from ..io.results import fields_in
 from ..mesh.requirements import is_installed
 from ..solve.result import Result
 from ..surfaces.tool_mesh import cut_in_two
-from .drawing import pyvista_drawing
+from .drawing import atomic_file, picture_path, pyvista_drawing
 from .fields import (
     Drawn,
     Field,
@@ -26,7 +26,6 @@ from .fields import (
     solids_of,
     values_of,
 )
-from .picture_files import atomic_file, picture_path
 from .sheet import THREAD, Shape, Tool
 
 if TYPE_CHECKING:

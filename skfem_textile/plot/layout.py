@@ -108,6 +108,11 @@ class Bar(NamedTuple):
     box: Box
 
     @property
+    def colours(self) -> ndarray:
+        """Its colours from left to right, shape (n, 4)."""
+        return np.asarray(self.scale.colours(np.linspace(0, 1, _COLOURS)))
+
+    @property
     def tips(self) -> tuple[ndarray, ndarray]:
         """Corners of the arrows at its ends; empty if no values lie beyond."""
         x, y, width, height = self.box
@@ -190,6 +195,9 @@ MARGIN = 2.0
 # Scales: thickness, maximum length, length relative to the width above it, and gap
 # between numbers.
 _THICKNESS, _LONGEST, _SHARE, _GAP = 2.2, 70.0, 0.8, 1.5
+
+# Number of colours of a scale.
+_COLOURS = 256
 
 # Width of the mark at zero, and length by which it extends beyond the bar.
 _MARK, _OUT = 0.25, 0.6

@@ -12,10 +12,9 @@ from ..nets.sheet import Pieces, Sheet
 from ..nets.start_search import BestStart
 from ..surfaces.surface import Axes
 from ..surfaces.triangle_mesh import TriangleMesh
-from .drawing import draw
+from .drawing import draw, new_figure
 from .fields import FIELDS, reach, tool_under
 from .layout import PAGE, default_width
-from .picture_files import new_figure
 from .sheet import (
     FAMILIES,
     REFUSED,

@@ -20,7 +20,7 @@ from ..io.results import fields_on_tool, has_tools
 from ..mesh.splitting import original_elements
 from ..solve.result import Result, StepError
 from ..solve.states import State
-from .drawing import draw, pyvista_drawing
+from .drawing import atomic_file, draw, picture_path, pyvista_drawing
 from .fields import (
     DIVERGING,
     FIELDS,
@@ -36,7 +36,6 @@ from .fields import (
     values_of,
 )
 from .layout import PAGE, PRINTED, lay_out
-from .picture_files import atomic_file, picture_path
 from .sheet import (
     FAMILIES,
     REFUSED,

@@ -43,8 +43,8 @@ def figure_of(size: tuple[float, float], file: File, font_size: int) -> Iterator
     """
     from matplotlib.figure import Figure
 
+    from skfem_textile.plot.drawing import figure_style, picture_path, save
     from skfem_textile.plot.layout import NUMBER
-    from skfem_textile.plot.picture_files import figure_style, picture_path, save
 
     path = None if file is None else picture_path(file)
     printed = font_size * min(1.0, PAGE / size[0])
