@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -27,6 +27,9 @@ from ..solve.states import State
 from ..surfaces.surface import SAME_AXES, Axes, Surface
 from .file_numbers import word_of, write_table
 from .vtk import write_grid, write_series
+
+if TYPE_CHECKING:
+    from ..contact import PlacedTool
 
 
 def point_fields(ply: FabricOnBasis, u: ndarray) -> dict[str, ndarray]:
@@ -274,6 +277,13 @@ def fields_between_tools(
     return points, cells
 
 
+def joined(tools: Sequence["PlacedTool"]) -> tuple[ndarray, ndarray]:
+    """Points and triangles of tools as of a single one, shapes (3, n) and (3, m)."""
+    first = np.cumsum([0, *(tool.points.shape[1] for tool in tools[:-1])])
+    triangles = [tool.triangles + n for tool, n in zip(tools, first, strict=True)]
+    return np.hstack([tool.points for tool in tools]), np.hstack(triangles)
+
+
 def write_tools(result: Result, folder: Path, axes: Axes) -> None:
     """Write the tools at each state as ``tools_0000.vtu``, ..., and ``tools.pvd``.
 
@@ -288,17 +298,14 @@ def write_tools(result: Result, folder: Path, axes: Axes) -> None:
     for i, tools in enumerate(placed_tools(ply, factors, *box_of(ply, states))):
         if not tools:
             continue
-        first = np.cumsum([0, *(tool.points.shape[1] for tool in tools)])
-        triangles = [
-            tool.triangles + n for tool, n in zip(tools, first[:-1], strict=True)
-        ]
+        points, triangles = joined(tools)
         numbers = [names.index(tool.name) for tool in tools]
         counts = [tool.triangles.shape[1] for tool in tools]
         files[f"tools_{i:04d}.vtu"] = factors[i]
         write_grid(
             folder / f"tools_{i:04d}.vtu",
-            axes.of_tool(np.hstack([tool.points for tool in tools])),
-            [np.hstack(triangles)],
+            axes.of_tool(points),
+            [triangles],
             {"tool": np.repeat(numbers, counts)},
         )
     write_series(folder / "tools.pvd", files)

@@ -10,7 +10,7 @@ from skfem import AbstractBasis
 
 from ..fabric import Fabric
 from ..forms.fields import FabricOnBasis, on_basis
-from ..io.results import cell_fields, has_tools, point_fields
+from ..io.results import cell_fields, has_tools, joined, point_fields
 from ..mesh.user_input import with_article
 from ..ply import Ply
 from ..solve.result import Result
@@ -250,13 +250,9 @@ def _faces_viewer(tool: "PlacedTool") -> bool:
 def _joined(tools: Sequence["PlacedTool"], one_sided: bool) -> Tool | None:
     if not tools:
         return None
-    first = np.cumsum([0, *(tool.points.shape[1] for tool in tools)])
-    return Tool(
-        np.hstack([tool.points for tool in tools]).T,
-        np.hstack([x.triangles + n for x, n in zip(tools, first[:-1], strict=True)]),
-        shades_of(np.hstack([tool.normals for tool in tools])),
-        one_sided,
-    )
+    points, triangles = joined(tools)
+    shades = shades_of(np.hstack([tool.normals for tool in tools]))
+    return Tool(points.T, triangles, shades, one_sided)
 
 
 def solids_of(

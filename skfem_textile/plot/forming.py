@@ -58,9 +58,7 @@ def formed(
     Parameters, returned value and exceptions as for `field`; `ValueError` for a ply
     without tools.
     """
-    if not (options.get("size") or options.get("plotter")):
-        options["size"] = _WIDTH
-    picture = Picture(results, titles, **options)
+    picture = Picture(results, titles, width=_WIDTH, **options)
     for result in results:
         _refuse_without_tools(result)
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])

@@ -209,11 +209,8 @@ KEY, KEY_GAP, _KEY_END = 4.0, 1.0, 4.0
 def _legend(legend: Legend, cell: float) -> PlacedLegend:
     """Legend below columns of a width in mm, from y = 0 downwards."""
     left, width = legend.first * cell, (legend.last - legend.first) * cell
-    placed, middle, y = (
-        PlacedLegend(Box(left, 0, width, 0), [], [], []),
-        left + width / 2,
-        -MARGIN,
-    )
+    placed = PlacedLegend(Box(left, 0, width, 0), [], [], [])
+    middle, y = left + width / 2, -MARGIN
     if scale := legend.scale:
         length = min(_LONGEST, _SHARE * width)
         box = Box(middle - length / 2, y - _THICKNESS, length, _THICKNESS)

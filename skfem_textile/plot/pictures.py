@@ -74,7 +74,7 @@ class Options(View, total=False):
 
 
 class Picture:
-    """Results, each in one state, with drawing options."""
+    """Results, each in one state, with drawing options, and a default ``width``."""
 
     def __init__(
         self,
@@ -86,7 +86,10 @@ class Picture:
         state: int = -1,
         show_edges: bool | None = None,
         size: float | tuple[float, float] | None = None,
+        width: float | None = None,
     ) -> None:
+        if size is None and plotter is None:
+            size = width
         if filename is not None:
             picture_path(filename)
         self.results, self.states = results_of(drawn, state)
@@ -419,9 +422,7 @@ def draped(
     Parameters, returned value and exceptions as for `field`; `ValueError` for a ply
     without a tool.
     """
-    if not (options.get("size") or options.get("plotter")):
-        options["size"] = PAGE
-    picture = Picture(results, titles, **options)
+    picture = Picture(results, titles, width=PAGE, **options)
     on_tools = map(_on_tool, picture.results, picture.states)
     pressures, at_risk = zip(*on_tools, strict=True)
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])

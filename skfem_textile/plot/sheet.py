@@ -27,9 +27,9 @@ from ..surfaces.tool_mesh import cut_in_two
 # Minimum extent of a scale in its unit. Chosen: above the round-off of zero.
 _LEAST_EXTENT = 1e-8
 
-# Maximum number of intervals between the numbers on a scale, and maximum number for
-# rounding its ends; sizes of intervals, up to powers of ten.
-_MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
+# Maximum number of intervals for rounding the ends of a scale; sizes of intervals, up
+# to powers of ten.
+_FINE_INTERVALS, _ROUND = 20, [1, 2, 2.5, 4, 5, 10]
 
 
 # Factor of the number of colours from which a part of a map is taken.
@@ -185,7 +185,7 @@ class Scale(NamedTuple):
         beyond = reach[0] < low, reach[1] > high
         return cls(label, low, high, colours, *beyond, signed)
 
-    def ticks(self, intervals: int = _MOST_INTERVALS) -> ndarray:
+    def ticks(self, intervals: int) -> ndarray:
         """Round numbers on the scale with at most the given number of intervals."""
         locator = MaxNLocator(intervals, steps=_ROUND)
         ticks = np.asarray(locator.tick_values(self.low, self.high))
@@ -396,20 +396,18 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
     axes = eye_axes(any(shape.tool for shape in shapes), high - low)
     middle, distance = 0.5 * (low + high), _DISTANCE * 0.5 * np.linalg.norm(high - low)
 
-    def enlarged(points: ndarray) -> tuple[ndarray, ndarray]:
-        """Coordinates along the axes, and magnification."""
+    def projected(points: ndarray) -> ndarray:
         turned = (points - middle) @ axes.T
-        return turned, distance / (distance - turned[:, 2])
+        turned[:, :2] *= (distance / (distance - turned[:, 2]))[:, None]
+        return turned
 
     def of(shape: Shape) -> Shape:
-        points, larger = enlarged(shape.points)
-        points[:, :2] *= larger[:, None]
         tool = shape.tool and seen(shape.tool, float(_BEHIND * distance / _DISTANCE))
-        return Shape(points, shape.cells, tool, shape.veil and seen(shape.veil))
+        veil = shape.veil and seen(shape.veil)
+        return Shape(projected(shape.points), shape.cells, tool, veil)
 
     def seen(tool: Tool, behind: float = 0.0) -> Tool:
-        points, larger = enlarged(tool.points)
-        points[:, :2] *= larger[:, None]
+        points = projected(tool.points)
         points[:, 2] -= behind
         if not tool.one_sided:
             return tool._replace(points=points)

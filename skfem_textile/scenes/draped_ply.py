@@ -18,7 +18,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import NamedTuple, Unpack
+from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
@@ -274,30 +274,25 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
         away = mesh.p[:, among] - target[:, None]
         return among[[np.hypot(*away).argmin()]]
 
-    x, y = np.eye(3)[:2]
     nodes, off = np.arange(mesh.p.shape[1]), _OFF * np.ptp(mesh.p)
     middle = nearest(np.zeros(2), nodes)
     others = nodes[nodes != middle]
     right = nearest(half, others[mesh.p[0, others] > off])
     left = nearest(-mesh.p[:, right[0]], others[mesh.p[0, others] < -off])
+    held = {"middle_x": (middle, 0), "turn_left": (left, 1), "turn_right": (right, 1)}
     try:
-        ends = {
-            node: _End(on_tool, mesh.p[:, [node]]) for node in (*middle, *left, *right)
+        return {
+            held_as: Condition(
+                *(node, partial(_End(on_tool, mesh.p[:, node]).along, axis=axis)),
+                direction=np.eye(3)[axis],
+            )
+            for held_as, (node, axis) in held.items()
         }
     except OffSurfaceError as error:
         raise ValueError(
             f"{name}: the ply leaves the tool at {on_tool.place(error.position)}: use "
             "a smaller ply, or another contact point"
         ) from None
-    return {
-        "middle_x": Condition(
-            middle, partial(ends[middle[0]].along, axis=0), direction=x
-        ),
-        "turn_left": Condition(left, partial(ends[left[0]].along, axis=1), direction=y),
-        "turn_right": Condition(
-            right, partial(ends[right[0]].along, axis=1), direction=y
-        ),
-    }
 
 
 class _End:
@@ -342,41 +337,36 @@ def measured_on_tool(
     u, surface = state.u, result.tool(1.0)
     if surface is None or result.not_on_tool:
         return {}
-    measured = _Measured(
-        contact_pressure(ply, surface, u, 1.0, state.parameters),
-        np.degrees(turn_of_normal(ply, surface, u)),
-        beyond_edges(ply, surface, u),
-    )
-    figures, advice = _figures(result, measured), _advice(result, surface, measured)
-    if holding:
-        figures["max_holding_force_N"] = _holding_force(result, surface, holding)
-    return {**components_mm("touches_at", axes.origin), **figures, **advice}
-
-
-class _Measured(NamedTuple):
-    """Pressures at nodes; rotation of the normal and masks by element."""
-
-    pressure: ndarray
-    turn_deg: ndarray
-    beyond: ndarray | None
-
-
-def _figures(result: Result, measured: _Measured) -> dict[str, float]:
-    ply, u, pressure = result.ply, result.u, measured.pressure
-    figures = {
+    pressure = contact_pressure(ply, surface, u, 1.0, state.parameters)
+    turn_deg = np.degrees(turn_of_normal(ply, surface, u))
+    beyond = beyond_edges(ply, surface, u)
+    figures: dict[str, float | str] = {
+        **components_mm("touches_at", axes.origin),
         "max_contact_pressure_N_per_mm2": float(pressure.max()),
         "min_contact_pressure_N_per_mm2": float(pressure.min()),
         "bridging_share_of_area": share_of_area(ply, bridging(ply, u, pressure)),
-        "max_turn_of_normal_deg": float(measured.turn_deg.max()),
+        "max_turn_of_normal_deg": float(turn_deg.max()),
     }
-    if measured.beyond is not None:
-        figures["beyond_tool_share_of_area"] = share_of_area(ply, measured.beyond)
-    return figures
+    if beyond is not None:
+        figures["beyond_tool_share_of_area"] = share_of_area(ply, beyond)
+    if holding:
+        figures["max_holding_force_N"] = _holding_force(result, surface, holding)
+    return figures | _advice(result, surface, pressure, turn_deg, beyond)
 
 
-def _advice(result: Result, surface: Surface, measured: _Measured) -> dict[str, str]:
-    """Limitations of the results, and advice."""
-    ply, u, (pressure, turn, beyond) = result.ply, result.u, measured
+def _advice(
+    result: Result,
+    surface: Surface,
+    pressure: ndarray,
+    turn: ndarray,
+    beyond: ndarray | None,
+) -> dict[str, str]:
+    """Limitations of the results, and advice.
+
+    From the pressure at nodes, and by element the rotation of the normal in degrees and
+    the mask beyond the edges of the tool.
+    """
+    ply, state, u = result.ply, result.states[-1], result.u
     advice: dict[str, str] = {}
     if beyond is not None and beyond.any():
         advice["beyond_tool"] = (
@@ -410,7 +400,8 @@ def _advice(result: Result, surface: Surface, measured: _Measured) -> dict[str, 
             "the contact pressure is tensile everywhere: reverse the triangles of the "
             "tool if the ply lies on its other side"
         )
-    if not (any(map(np.any, ply.fabric.bending)) or _load(result).any()):
+    load = ply.load(u, state.load_factor, state.parameters)
+    if not (any(map(np.any, ply.fabric.bending)) or load.any()):
         advice["not_the_net"] = _NO_NET
     return advice
 
@@ -426,9 +417,3 @@ def _holding_force(
     normal = surface.gradient(x) / np.linalg.norm(surface.gradient(x), axis=0)
     along = forces - (forces * normal).sum(axis=0) * normal
     return float(np.linalg.norm(along, axis=0).max())
-
-
-def _load(result: Result) -> ndarray:
-    """Nodal forces of the loads in N, in the last state."""
-    state = result.states[-1]
-    return result.ply.load(state.u, state.load_factor, state.parameters)

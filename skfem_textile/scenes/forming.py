@@ -242,7 +242,8 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     punch = Punch(radius, (0.0, 0.0, -radius - middle))
     hole = radius + positive_length(f"{name}: clearance", given.clearance)
     die = Die(hole, given.fillet, (0.0, 0.0, middle))
-    tools = _press_tools(name, punch, die, _upwards(name, given.travel), gap)
+    travel = positive_length(f"{name}: travel", given.travel)
+    tools = _press_tools(name, punch, die, travel, gap)
     return formed_ply(name, tools, given.mesh, **given.ply())
 
 
@@ -273,7 +274,7 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
     name = "double_dome_forming"
     height, length, width = 60.0, 180.0, 75.0
     middle, travel = 0.5 * _gap(name, given.gap), given.travel
-    if _upwards(name, travel) > height:
+    if positive_length(f"{name}: travel", travel) > height:
         raise ValueError(
             f"{name}: the travel must be at most the height of the dome, {height:g} "
             f"mm, got {travel:g} mm"
@@ -412,7 +413,3 @@ def _gap(name: str, gap: float) -> float:
             f"{name}: the holder gap must be a length of at least 0 mm, got {gap!r}"
         )
     return float(number)
-
-
-def _upwards(name: str, travel: float) -> float:
-    return positive_length(f"{name}: travel", travel)
