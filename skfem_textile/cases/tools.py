@@ -146,8 +146,10 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             raise ValueError(f"{what}: motion_axis must not be zero")
         angle = _amount(f"{what}.motion_deg", self.motion_deg)
         point = self.motion_point_mm - axes.origin
-        about_axis = {"axis": self.motion_axis, "point": point}
-        return partial(_moved, translation=translation, degrees=angle, **about_axis)
+        axis = self.motion_axis
+        return partial(
+            _moved, translation=translation, degrees=angle, axis=axis, point=point
+        )
 
     def _translation(self, what: str) -> Any:
         rows = self.motion_mm
