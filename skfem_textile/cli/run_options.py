@@ -67,9 +67,6 @@ _OPTIONS_ON_TOOL = {
     ),
 }
 
-# Upper bound on the depth of a key path.
-_MOST_KEYS = 9
-
 # Keys whose value is a mesh, a law or a file name.
 _NAME_OR_FILE = ("mesh.source", "tension.law", "shear.law")
 

@@ -12,7 +12,7 @@ smaller force.
 
 from collections.abc import Callable
 from functools import partial
-from typing import Literal, TypeAlias, cast, get_args
+from typing import cast
 
 import numpy as np
 from numpy import ndarray
@@ -31,9 +31,7 @@ from .trellis import Motion
 #: Width of the ply in mm.
 WIDTH = declared.BiasExtension.width
 
-Part: TypeAlias = Literal["whole", "half"]
-
-PARTS: tuple[str, ...] = get_args(Part)
+PARTS = "whole", "half"
 
 
 @with_parameters(declared.BiasExtension)
