@@ -183,15 +183,11 @@ def summary_of(table: type[Struct]) -> str:
     return (table.__doc__ or "").partition("\n")[0]
 
 
-MeshKind: TypeAlias = Literal[
-    "graded", "aligned", "irregular", "horizontal", "vertical", "delaunay"
-]
-
 #: Number of elements along one side of a generated mesh.
 Count: TypeAlias = Annotated[int, Meta(le=1_000_000)]
 
 #: Kinds of meshes that a scene generates.
-MESH_KINDS: tuple[str, ...] = get_args(MeshKind)
+MESH_KINDS = "graded", "aligned", "irregular", "horizontal", "vertical", "delaunay"
 
 #: Suffixes of outline files.
 OUTLINES = ".dxf", ".svg"

@@ -176,14 +176,14 @@ def draped_ply(
     ValueError
         See `flat_ply`; also if a whole ply cannot be held on the tool.
     """
-    laid_flat = flat_ply(name, mesh, **ply)
-    flat, angles, tension, held = laid_flat
+    at_rest = flat_ply(name, mesh, **ply)
+    flat, angles, tension, held = at_rest
     on_tool = OnSurface(surface, stated=axes.of_tool)
 
     laid = _Laid(flat, on_tool, tension, angles, held)
     check(flat, laid.lay)
     held_at = in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
-    warp, weft = laid_flat.fibres
+    warp, weft = at_rest.fibres
     return Scene(
         name=name,
         mesh=flat,

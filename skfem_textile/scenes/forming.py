@@ -115,10 +115,10 @@ def formed_ply(
         If the mesh is not valid or does not fit, or a number is not.
     """
     options = declared.Formed(**ply).ply()
-    laid_flat = flat_ply(name, mesh, **options)
-    flat, _, tension, held = laid_flat
+    at_rest = flat_ply(name, mesh, **options)
+    flat, _, tension, held = at_rest
     held_at = in_planes(name, flat) if held else _at_centre(name, flat, not tension)
-    warp, weft = laid_flat.fibres
+    warp, weft = at_rest.fibres
     return Scene(
         name=name,
         mesh=flat,

@@ -1,7 +1,7 @@
 """Meshes of a rectangle, and flat plies with their planes of symmetry."""
 
 from collections.abc import Iterable
-from typing import Literal, NamedTuple, TypeAlias, Unpack, get_args
+from typing import NamedTuple, Unpack
 
 import numpy as np
 from numpy import ndarray
@@ -12,9 +12,7 @@ from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..mesh.selection import named_nodes
 from ..solve.conditions import Condition
 
-Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
-
-KINDS: tuple[str, ...] = get_args(Kind)
+KINDS = "aligned", "irregular", "horizontal", "vertical", "delaunay"
 
 # Tolerances of angles in radians, and of lengths relative to the rectangle.
 _OFF = 1e-6
