@@ -273,13 +273,15 @@ def figure_style(size: float = TITLE) -> AbstractContextManager[None]:
 
 
 @contextlib.contextmanager
-def new_figure(filename: str | os.PathLike[str] | None) -> Iterator[Figure]:
+def new_figure(
+    filename: str | os.PathLike[str] | None, font_size: float = TITLE
+) -> Iterator[Figure]:
     """Yield a figure in the style of all figures, which is written at the end.
 
     The name of the file, which may be None, is validated first.
     """
     path = None if filename is None else picture_path(filename)
-    with figure_style():
+    with figure_style(font_size):
         figure = Figure(layout="constrained")
         yield figure
         save(figure, path)
