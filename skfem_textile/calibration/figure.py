@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy import ndarray
 
 from ..plot.curves import COLOURS
-from ..plot.picture_files import picture_path, save
+from ..plot.drawing import picture_path, save
 from .choice import Test
 from .fitting import FabricFit
 from .measured import FAMILIES

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..declarations.recordings import OF_FILES, Options
+from ..declarations.words import OF_FILES, Options
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
 from .bending import read_cantilever

@@ -6,9 +6,9 @@ from .build import (
     case_from_tables as case_from_tables,
 )
 from .read import (
+    CaseFile as CaseFile,
     CaseFileError as CaseFileError,
     declared as declared,
     read_tables as read_tables,
 )
 from .scenes import SCENES as SCENES
-from .schema import CaseFile as CaseFile

@@ -1,13 +1,13 @@
-"""Construction of a case from its declaration."""
+"""Construction of a case from its declaration, and tables of the laws of a fabric."""
 
 import filecmp
 import logging
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ..ply.terms import Load
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
 from .read import (
+    CaseFile,
     CaseFileError,
     declared,
     default_laws,
@@ -33,15 +34,17 @@ from .schema import (
     MESH_KINDS,
     OUTLINES,
     Bending,
-    CaseFile,
     FabricOfFile,
     Loads,
     Mesh,
     Shear,
+    ShearLaw,
     Stepping,
     Tension,
+    TensionLaw,
 )
 from .tools import ToolTable
+from .write import tables_of
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -387,11 +390,15 @@ def _fabric(
     fibres: tuple[Any, Any] = (Fabric.warp, Fabric.weft),
 ) -> Fabric:
     """Fabric with the given laws; an error names the table."""
-    warp = _named("tension", tension.build)
-    weft = None if tension.weft is None else _named("tension weft", tension.weft.build)
+    with _errors_in("tension "):
+        warp = tension.build()
+    with _errors_in("tension weft "):
+        weft = None if tension.weft is None else tension.weft.build()
+    with _errors_in("shear "):
+        of_shear = shear.law.build("shear")
     return Fabric(
         warp if weft is None else (warp, weft),
-        _named("shear", partial(shear.law.build, "shear")),
+        of_shear,
         *fibres,
         (bending.warp_N_mm, bending.weft_N_mm),
         bending.twist_N_mm,
@@ -399,12 +406,13 @@ def _fabric(
     )
 
 
-def _named(table: str, build: Callable[[], Any]) -> Any:
-    """Build the law of a table; an error names the table."""
+@contextmanager
+def _errors_in(place: str) -> Iterator[None]:
+    """Let errors begin with the place of their values in the case."""
     try:
-        return build()
+        yield
     except ValueError as error:
-        raise ValueError(f"{table} {printable(error)}") from None
+        raise ValueError(f"{place}{printable(error)}") from None
 
 
 def _fabric_of_file(file: str, table: FabricOfFile) -> Fabric:
@@ -435,10 +443,8 @@ def _with_directions(
         )
     field = read_directions(file)
     turned = FibreDirections(scene.turn @ field.warp, scene.turn @ field.weft)
-    try:
+    with _errors_in(f"mesh.directions {printable(file)}: "):
         warn_of_directions(scene.mesh, turned)
-    except ValueError as error:
-        raise ValueError(f"mesh.directions {printable(file)}: {error}") from None
     misfit = scene.misfit or f"fibre directions are read from {printable(file)}"
     return replace(scene, misfit=misfit), turned.on(fabric)
 
@@ -487,15 +493,13 @@ def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
                 (scene.weft, region.weft_deg),
             )
         ]
-        try:
+        with _errors_in(f"region {name!r}: "):
             fabrics[name] = _fabric(
                 region.tension or file.tension,
                 region.shear or file.shear,
                 region.bending or file.bending,
                 (fibres[0], fibres[1]),
             )
-        except ValueError as error:
-            raise ValueError(f"region {name!r}: {error}") from None
     named = [
         cells for name, cells in (mesh.subdomains or {}).items() if name in fabrics
     ]
@@ -509,3 +513,44 @@ def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
 def _direction(degrees: float) -> np.ndarray:
     angle = np.radians(degrees)
     return np.array([np.cos(angle), np.sin(angle)])
+
+
+def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[str, Any]:
+    """Tables of a case file with the numbers of laws, or with the file of the fabric.
+
+    Parameters
+    ----------
+    fabric
+        The fabric.
+    tables
+        Names of the tables: ``tension``, ``shear`` or ``bending``.
+    file
+        File of the fabric, for laws that no table contains, such as tabulated ones.
+    """
+    tensions, found = fabric.tensions, {}
+    if "tension" in tables:
+        if not isinstance(tensions, TwoLaws):
+            return {"fabric": {"file": file}}
+        found["tension"] = _table(tensions.warp)
+        if found["tension"] and tensions.weft != tensions.warp:
+            found["tension"]["weft"] = _table(tensions.weft)
+    if "shear" in tables:
+        found["shear"] = _table(fabric.shear_law)
+    if "bending" in tables:
+        stiffnesses = *fabric.bending, fabric.twist
+        keys = "warp_N_mm", "weft_N_mm", "twist_N_mm"
+        found["bending"] = {}
+        if not any(np.ndim(one) for one in stiffnesses):
+            found["bending"] = dict(zip(keys, map(float, stiffnesses), strict=True))
+    complete = all(one and one.get("weft", True) for one in found.values())
+    return found if complete else {"fabric": {"file": file}}
+
+
+def _table(law: Any) -> dict[str, Any]:
+    """Table of a law with its numbers; empty if there is none for its class."""
+    if np.ndim(getattr(law, "stiffness", 0.0)):
+        return {}
+    for table in {*get_args(TensionLaw), *get_args(ShearLaw)}:
+        if table.keys and type(law) is table.implementation():
+            return tables_of(table.of(law))
+    return {}

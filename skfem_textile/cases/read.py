@@ -17,16 +17,26 @@ from msgspec import Struct
 from ..declarations.scenes import GRADED, AnyScene
 from ..mesh.user_input import excerpt, printable
 from .scenes import SCENES
+from .scenes import AnyScene as SceneTable
 from .schema import (
+    FILE,
     MESH_KINDS,
-    CaseFile,
+    AnyFormulation,
+    Bending,
+    FabricOfFile,
     InCompression,
+    Loads,
+    Mesh,
+    Output,
     Region,
     Shear,
+    Stepping,
+    Table,
     Tension,
     Weft,
+    named,
+    tag_of,
 )
-from .table import FILE, named, tag_of
 from .tools import AnyTool
 
 # Limit on the size of a case file; larger ones take long to read.
@@ -54,6 +64,23 @@ _KINDS = {
 
 # Laws by the suffix of a file.
 _OF_FILES = {".csv": "FILE.csv", ".json": "FILE.json"}
+
+
+class CaseFile(Table):
+    """All tables of a case."""
+
+    scene: SceneTable
+    mesh: Mesh
+    fabric: FabricOfFile
+    tension: Tension
+    shear: Shear
+    bending: Bending
+    formulation: AnyFormulation
+    loads: Loads
+    stepping: Stepping
+    output: Output
+    tools: tuple[AnyTool, ...]
+    regions: dict[str, Region]
 
 
 class CaseFileError(ValueError):
@@ -133,7 +160,9 @@ def declared(
             ),
             regions={
                 name: _converted(
-                    f"regions.{printable(name)}", _laws_nested(region, scene), Region
+                    f"regions.{printable(name)}",
+                    _laws_nested(region, Region, scene),
+                    Region,
                 )
                 for name, region in regions.items()
             },
@@ -245,7 +274,7 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[AnyScene]) -> dict[str
         filled["formulation"] = {**defaults, **formulation}
     if isinstance(stepping, dict):
         filled["stepping"] = {"steps": scene.steps, **stepping}
-    return _laws_nested({"tension": {}, "shear": {}, **filled}, scene)
+    return _laws_nested(filled, CaseFile, scene)
 
 
 def _with_kind(mesh: Any, scene: type[AnyScene]) -> Any:
@@ -264,50 +293,48 @@ def _with_kind(mesh: Any, scene: type[AnyScene]) -> Any:
     return {**of_grid, **mesh} if mesh["source"] in MESH_KINDS else mesh
 
 
-def _laws_nested(tables: Any, scene: type[AnyScene]) -> Any:
-    """Tables in which the keys of each law are nested below it.
+# Tables that contain laws, or have other defaults in each scene.
+_WITH_LAWS: dict[str, type[Struct]] = {
+    "fabric": FabricOfFile,
+    "tension": Tension,
+    "weft": Weft,
+    "in_compression": InCompression,
+    "shear": Shear,
+    "bending": Bending,
+}
+
+
+def _laws_nested(table: Any, kind: type[Struct], scene: type[AnyScene]) -> Any:
+    """Table in which the keys of each law are nested below it, at any depth.
 
     A missing stiffness has the default of the scene.
     """
-    if not isinstance(tables, dict):
-        return tables
-    if isinstance(tables.get("bending"), dict):
-        bending = dict.fromkeys(("warp_N_mm", "weft_N_mm"), scene.bending)
-        tables = {**tables, "bending": {**bending, **tables["bending"]}}
-    of_file = tables.get("fabric")
-    if isinstance(of_file, dict) and "in_compression" in of_file:
-        law = _law_nested(
-            of_file["in_compression"], InCompression, scene.fibre_stiffness
-        )
-        tables = {**tables, "fabric": {**of_file, "in_compression": law}}
-    nested: dict[str, tuple[type[Struct], float]] = {
-        "tension": (Tension, scene.fibre_stiffness),
-        "shear": (Shear, scene.shear_stiffness),
-    }
-    return {
-        name: _law_nested(value, *nested[name]) if name in nested else value
-        for name, value in tables.items()
-    }
-
-
-def _law_nested(table: Any, kind: type[Struct], stiffness: float) -> Any:
     if not isinstance(table, dict):
         return table
-    if "file" in table:
+    if kind is Bending:
+        return {"warp_N_mm": scene.bending, "weft_N_mm": scene.bending, **table}
+    has_law = "law" in kind.__struct_fields__
+    if has_law and "file" in table:
         raise ValueError(
             "a table of a law has no key 'file': name the file by law = 'FILE.csv'"
         )
-    outer = {key: v for key, v in table.items() if key in _keys_beside_law(kind)}
-    for part, law_type in (("in_compression", InCompression), ("weft", Weft)):
-        if part in outer:
-            outer[part] = _law_nested(outer[part], law_type, stiffness)
+    own = _keys_beside_law(kind) if has_law else table.keys()
+    outer = {
+        key: _laws_nested(value, _WITH_LAWS[key], scene) if key in _WITH_LAWS else value
+        for key, value in table.items()
+        if key in own
+    }
+    if not has_law:
+        return outer
     law: dict[str, Any] = {"law": "linear"}
-    law |= {key: value for key, value in table.items() if key not in outer}
+    law |= {key: value for key, value in table.items() if key not in own}
     if isinstance(word := law["law"], str):
         if name := _OF_FILES.get(Path(word).suffix.lower()):
             law |= {"law": name, "file": word}
         known = named(get_type_hints(kind)["law"]).get(law["law"])
         if known and "stiffness_N_per_mm" in known.__struct_fields__:
+            of_fibres, of_shear = scene.fibre_stiffness, scene.shear_stiffness
+            stiffness = of_shear if kind is Shear else of_fibres
             law.setdefault("stiffness_N_per_mm", stiffness)
     return {**outer, "law": law}
 

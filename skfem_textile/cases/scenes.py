@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, 
 from msgspec import field
 
 from ..declarations import scenes as declared
-from .table import DeclaredTable, Degrees, about, named, snake_case, table_of
+from .schema import DeclaredTable, Degrees, about, named, snake_case, table_of
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh

@@ -3,15 +3,18 @@
 Each struct builds its surface and imports the modules for it only then.
 """
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
 from .. import declarations as declared
-from .table import FILE, DeclaredTable, Degrees, about, table_of
+from .schema import FILE, DeclaredTable, Degrees, about, table_of
 
 if TYPE_CHECKING:
+    from numpy import ndarray
+
     from ..contact import Holder, Tool
     from ..surfaces.surface import Axes, Surface
-    from .rows import Rows
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -141,11 +144,12 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             return translation
         if not any(self.motion_axis):
             raise ValueError(f"{what}: motion_axis must not be zero")
-        from .rows import RigidMotion
-
         angle = _amount(f"{what}.motion_deg", self.motion_deg)
         point = self.motion_point_mm - axes.origin
-        return RigidMotion(translation, angle, self.motion_axis, point)
+        axis = self.motion_axis
+        return partial(
+            _moved, translation=translation, degrees=angle, axis=axis, point=point
+        )
 
     def _translation(self, what: str) -> Any:
         rows = self.motion_mm
@@ -158,17 +162,72 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             return rows
         if not all(isinstance(row, tuple) for row in rows):
             raise ValueError(f"{what}.motion_mm contains both rows and numbers")
-        return _rows(f"{what}.motion_mm", rows)
+        return between_rows(f"{what}.motion_mm", rows)
 
 
 def _amount(what: str, amount: Any) -> Any:
-    return _rows(what, amount) if isinstance(amount, tuple) else amount
+    return between_rows(what, amount) if isinstance(amount, tuple) else amount
 
 
-def _rows(what: str, rows: Any) -> "Rows":
-    from .rows import Rows
+def between_rows(what: str, rows: Any) -> Callable[[float], Any]:
+    """Piecewise linear function of the load factor, constant beyond its rows.
 
-    return Rows(what, rows)
+    Parameters
+    ----------
+    what
+        Its name in messages.
+    rows
+        Load factor and values of each row.
+
+    Raises
+    ------
+    ValueError
+        If the load factors do not increase from 0 to 1.
+    """
+    import numpy as np
+
+    factors, *columns = np.array(rows, dtype=float).T
+    if (np.diff(factors) <= 0).any() or factors[0] != 0 or factors[-1] != 1:
+        raise ValueError(
+            f"{what}: the load factors of the rows must increase from 0 to 1, got "
+            f"{', '.join(f'{t:g}' for t in factors)}"
+        )
+    return partial(_interpolated, factors=factors, columns=columns)
+
+
+def _interpolated(t: float, factors: "ndarray", columns: "Sequence[ndarray]") -> Any:
+    """Value, or vector of values, at a load factor."""
+    import numpy as np
+
+    at = [float(np.interp(t, factors, column)) for column in columns]
+    return np.array(at) if len(at) > 1 else at[0]
+
+
+def _moved(
+    t: float, translation: Any, degrees: Any, axis: Vector, point: "ndarray"
+) -> "tuple[ndarray, ndarray]":
+    """Rotation about an axis through a point and then a translation at a load factor.
+
+    Both are final values, or functions of the load factor.
+    """
+    import numpy as np
+
+    moved, angle = (
+        amount(t) if callable(amount) else t * np.array(amount)
+        for amount in (translation, degrees)
+    )
+    turn = _rotation(axis, float(angle))
+    return turn, point - turn @ point + moved
+
+
+def _rotation(axis: Vector, degrees: float) -> "ndarray":
+    """Matrix of a rotation about an axis of any length, shape (3, 3)."""
+    import numpy as np
+    from scipy.spatial.transform import Rotation
+
+    unit = np.array(axis) / np.abs(axis).max()
+    unit /= np.linalg.norm(unit)
+    return np.asarray(Rotation.from_rotvec(degrees * unit, degrees=True).as_matrix())
 
 
 class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
@@ -201,11 +260,10 @@ class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
     def surface_in(self, axes: "Axes") -> "Surface":
         """See `ToolTable.surface_in`."""
         from ..io import read_surface
-        from .rows import rotation
 
         if not any(self.rotation_axis):
             raise ValueError("rotation_axis must not be zero")
-        turn = rotation(self.rotation_axis, self.rotation_deg)
+        turn = _rotation(self.rotation_axis, self.rotation_deg)
         surface = read_surface(self.source, self.unit)
         return surface.moved(turn.T @ (axes.origin - self.offset_mm), turn.T)
 

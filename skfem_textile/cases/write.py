@@ -18,10 +18,9 @@ from typing import (
 
 from msgspec import NODEFAULT, Meta, Struct, structs
 
-from .read import with_files
+from .read import CaseFile, with_files
 from .scenes import SCENES
-from .schema import OUTLINES, CaseFile, Region
-from .table import FILE, named, summary_of
+from .schema import FILE, OUTLINES, Region, named, summary_of
 from .tools import AnyTool
 
 #: First line of a case file that a run has written.
@@ -122,11 +121,12 @@ class WrittenCase:
 
     def __init__(self, case: CaseFile) -> None:
         self._files: dict[str, bytes] = {}
-        self.text = case_text(with_files(case, self._store), WRITTEN)
+        self._case = with_files(case, self._store)
 
     def write(self, folder: Path) -> None:
         """Write ``case.toml`` and the files that it refers to into a folder."""
-        (folder / CASE).write_text(self.text, encoding="utf-8")
+        text = case_text(self._case, WRITTEN)
+        (folder / CASE).write_text(text, encoding="utf-8")
         for name, content in self._files.items():
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(content)

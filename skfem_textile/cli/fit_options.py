@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..declarations import words
-from ..declarations.recordings import OF_FILES, Options, option, repeated
+from ..declarations.words import OF_FILES, Options, option, repeated
 from .options import add_outputs
 
 _FABRIC: Options = {

@@ -3,7 +3,7 @@
 import argparse
 
 from ..cases.scenes import SCENES
-from ..cases.table import summary_of
+from ..cases.schema import summary_of
 from .output import say
 
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from .. import __version__
 from ..cases.build import built
-from ..cases.read import CaseFileError, declared, default_laws, read_tables
-from ..cases.schema import CaseFile
+from ..cases.read import CaseFile, CaseFileError, declared, default_laws, read_tables
 from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
 from ..declarations.words import is_case_file
 from ..mesh.user_input import printable
@@ -80,12 +79,12 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
     with shown("preparing the case"):
         case = built(file, default=default_laws(tables))
         export = results.DrapeExport.read(file.output)
-        written = WrittenCase(file)
         checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
         if file.stepping.tolerance is None:
             stepper: Stepper = case.stepper(checkpoint)
         else:
             stepper = _to_tolerance(file, case, checkpoint)
+        written = WrittenCase(file)
         named = file.output.test_curve
         test = None if named is None else read_test_curve(named)
         refuse_foreign_case(options.out)

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from ..cases.read import declared
+from ..cases.read import CaseFile, declared
 from ..cases.scenes import SCENES, Scene
-from ..cases.schema import CaseFile
-from ..cases.table import FILE, summary_of
+from ..cases.schema import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
 from ..declarations import words
 from ..declarations.scenes import OnTool, Specimen
@@ -67,9 +66,6 @@ _OPTIONS_ON_TOOL = {
         "table or DXF file of the curve along which the flat pattern is trimmed",
     ),
 }
-
-# Upper bound on the depth of a key path.
-_MOST_KEYS = 9
 
 # Keys whose value is a mesh, a law or a file name.
 _NAME_OR_FILE = ("mesh.source", "tension.law", "shear.law")

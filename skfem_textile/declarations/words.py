@@ -1,10 +1,14 @@
-"""Converters of command-line values."""
+"""Converters of command-line values, and options of the files of tests.
+
+These options are also the keys of a file of tests.
+"""
 
 import re
 import tomllib
 from argparse import ArgumentTypeError
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 from ..mesh.user_input import MOST_DEGREES
 
@@ -13,6 +17,8 @@ _SUFFIX = ".toml"
 
 #: A case file in a help text.
 CASE_FILE = f"CASE{_SUFFIX}"
+
+_T = TypeVar("_T")
 
 # Upper bound on the depth of a key path.
 _MOST_KEYS = 9
@@ -48,46 +54,47 @@ def _number(word: str, low: float, high: float, expected: str) -> float:
     return number
 
 
+def _named(word: str, of: Callable[[str], _T], expected: str) -> tuple[str, _T]:
+    """Name and value of ``NAME=VALUE``; ``of`` raises an error for other values."""
+    name, _, value = word.partition("=")
+    try:
+        if name and value:
+            return name, of(value)
+    except (ValueError, KeyError):
+        pass
+    raise ArgumentTypeError(f"expected {expected}, got {word!r}")
+
+
 def unit(word: str) -> tuple[str, str]:
     """Column and unit of ``COLUMN=UNIT``."""
-    name, _, unit = word.partition("=")
-    if not (name and unit):
-        raise ArgumentTypeError(f"expected COLUMN=UNIT, such as force=kN, got {word!r}")
-    return name, unit
+    return _named(word, str, "COLUMN=UNIT, such as force=kN")
 
 
 def column(word: str) -> tuple[str, int | str]:
     """Quantity, and number or heading of its column, of ``COLUMN=NUMBER``."""
-    name, _, where = word.partition("=")
-    if not (name and where):
-        raise ArgumentTypeError(
-            f"expected COLUMN=NUMBER or COLUMN=HEADING, such as force=3, got {word!r}"
-        )
-    return name, int(where) if where.isdecimal() else where
+
+    def of(where: str) -> int | str:
+        return int(where) if where.isdecimal() else where
+
+    return _named(word, of, "COLUMN=NUMBER or COLUMN=HEADING, such as force=3")
 
 
 def sign(word: str) -> tuple[str, int]:
     """Column and sign of ``COLUMN=SIGN``."""
-    name, _, factor = word.partition("=")
-    if not name or factor not in ("1", "+1", "-1"):
-        raise ArgumentTypeError(
-            f"expected COLUMN=1 or COLUMN=-1, such as force=-1, got {word!r}"
-        )
-    return name, int(factor)
+    signs = {"1": 1, "+1": 1, "-1": -1}
+    return _named(word, signs.__getitem__, "COLUMN=1 or COLUMN=-1, such as force=-1")
 
 
 def bound(word: str) -> tuple[str, tuple[float, float]]:
     """Parameter and bounds of ``NAME=LOW,HIGH``."""
-    name, _, ends = word.partition("=")
-    try:
+
+    def of(ends: str) -> tuple[float, float]:
         low, high = (float(end) for end in ends.split(","))
-    except ValueError:
-        low = high = float("nan")
-    if not (name and low < high):
-        raise ArgumentTypeError(
-            f"expected NAME=LOW,HIGH with LOW below HIGH, such as c1=0,1, got {word!r}"
-        )
-    return name, (low, high)
+        if not low < high:
+            raise ValueError
+        return low, high
+
+    return _named(word, of, "NAME=LOW,HIGH with LOW below HIGH, such as c1=0,1")
 
 
 def is_case_file(word: str) -> bool:
@@ -117,11 +124,12 @@ def setting(word: str) -> tuple[str, Any]:
 
 def pair(word: str) -> tuple[str, Any]:
     """Name and value of ``NAME=VALUE``; several values are separated by commas."""
-    name, _, value = word.partition("=")
-    if not (name and value):
-        raise ArgumentTypeError(f"expected NAME=VALUE, such as top=0,40, got {word!r}")
-    parts = [_value(part) for part in value.split(",")]
-    return name, parts if len(parts) > 1 else parts[0]
+
+    def of(value: str) -> Any:
+        parts = [_value(part) for part in value.split(",")]
+        return parts if len(parts) > 1 else parts[0]
+
+    return _named(word, of, "NAME=VALUE, such as top=0,40")
 
 
 def _value(word: str) -> Any:
@@ -158,3 +166,146 @@ def folder(text: str) -> Path:
             f"{text!r} is not an option: write ./{text} for a folder of this name"
         )
     return Path(text)
+
+
+# Options of a command: keywords of `argparse` by flag.
+Options: TypeAlias = dict[str, dict[str, Any]]
+
+
+def option(
+    text: str, of: Any = None, metavar: str | None = None, **more: Any
+) -> dict[str, Any]:
+    """Keywords of an option; its help ends with its default, if any."""
+    default = " (default: %(default)s)" if more.get("default") else ""
+    keywords = {"help": text + default, "type": of, "metavar": metavar, **more}
+    return {key: value for key, value in keywords.items() if value is not None}
+
+
+def repeated(text: str, of: Any, metavar: str) -> dict[str, Any]:
+    """Keywords of an option that may be repeated."""
+    return option(text, of, metavar, action="append", default=[])
+
+
+def _size(what: str) -> dict[str, Any]:
+    """Option for a specimen size: one value for all files, or one for each."""
+    return option(
+        f"{what} in mm: one value for all files, or one for each",
+        float,
+        "MM",
+        nargs="+",
+    )
+
+
+_READING: Options = {
+    "--encoding": option("encoding of the files (default: from their bytes)"),
+    "--separator": option(
+        "separator of the columns: ; , | tab or space (default: from the rows)"
+    ),
+    "--decimal": option("decimal mark (default: from the numbers)", choices=(".", ",")),
+    "--column": repeated(
+        "column of a quantity, by number or heading (default: from the headings); may "
+        "be repeated",
+        column,
+        "COLUMN=NUMBER",
+    ),
+    "--unit": repeated(
+        "unit of a quantity (default: from the headings); may be repeated",
+        unit,
+        "COLUMN=UNIT",
+    ),
+    "--sign": repeated(
+        "factor 1 or -1 of a quantity (default: forces are positive at the largest "
+        "displacement); may be repeated",
+        sign,
+        "COLUMN=SIGN",
+    ),
+}
+
+_BRANCH: Options = {
+    "--branch": option(
+        "rows that are fitted: loading, unloading or both",
+        choices=("loading", "unloading", "both"),
+        default="loading",
+    ),
+    "--cycle": option(
+        "number of the fitted cycle (default: the first one that reaches the largest "
+        "displacement)",
+        int,
+        "N",
+    ),
+    "--keep-outliers": option("fit also outliers", action="store_true"),
+}
+
+_SLACK: Options = {
+    "--slack": option(
+        "displacement at which the fabric begins to carry load; for tests without "
+        "displacement 0 or none (default: estimated)",
+        float,
+        "MM",
+    ),
+}
+
+_AT_REST: Options = {
+    "--force-at-rest": option(
+        "force of the undeformed fabric, such as the weight of a clamp (default: "
+        "estimated)",
+        float,
+        "N",
+    ),
+}
+
+_FAMILY: Options = {
+    "--family": option(
+        "fibre family along the strips", default="warp", choices=("warp", "weft")
+    )
+}
+
+#: Options of the files of each kind of test.
+OF_FILES: dict[str, Options] = {
+    "strip": {
+        **_FAMILY,
+        "--width": _size("width of the strip"),
+        "--length": _size("length of the strip between the clamps"),
+        **_READING,
+        **_BRANCH,
+        **_SLACK,
+    },
+    "picture-frame": {
+        "--frame-side": _size("side of the frame from hinge to hinge"),
+        "--fabric-side": _size("side of the sheared square of fabric"),
+        **_READING,
+        **_BRANCH,
+        **_SLACK,
+        **_AT_REST,
+    },
+    "bias-extension": {
+        "--width": _size("width of the specimen"),
+        "--height": _size("height of the specimen between the clamps"),
+        "--warp": option(
+            "angle between fibres and clamps", degrees, "DEG", default=45.0
+        ),
+        **_READING,
+        **_BRANCH,
+        **_SLACK,
+        **_AT_REST,
+    },
+    "biaxial": {
+        "--warp-width": _size("width of the specimen transverse to the warp force"),
+        "--weft-width": _size("width of the specimen transverse to the weft force"),
+        **_READING,
+        **_BRANCH,
+        **_SLACK,
+    },
+    "cantilever": {
+        "--weight": option(
+            "weight per area in N/mm2, such as 6e-6 for 0.6 kg/m2", float, "W"
+        ),
+        **_FAMILY,
+        "--chord-angle": option(
+            "chord angle of all readings, for files without that column, such as 41.5",
+            degrees,
+            "DEG",
+        ),
+        **_READING,
+    },
+}

@@ -1,25 +1,32 @@
-"""Input and output of fabrics, for all formats."""
+"""Input and output of fabrics; `*FABRIC` of Abaqus: test data of fill, warp and shear.
+
+Abaqus uses nominal stress over nominal strain along the yarns, and shear stress over
+the decrease of the angle between them, each energy-conjugate per reference volume
+("Fabric material behavior" in the Analysis User's Guide).  With the thickness t and the
+strain e the tension is T(ln(1 + e)) = t (1 + e) σ(e), and the moment M = t τ.
+"""
 
 import logging
 import os
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
-from ..fabric import Fabric
+from ..fabric import Fabric, Law, Linear, Tabulated, TensionOnly, TwoLaws
 from ..fabric.files import fabric_of_text, fabric_text
+from ..fabric.law import domain_of
 from ..mesh.checks import MeshError
-from ..mesh.user_input import printable
-from . import abaqus_fabric, radioss
+from ..mesh.user_input import excerpt, printable
+from . import radioss
+from .abaqus import Block, blocks, without_trailing_comma
 from .directions import directions_of_deck
-from .file_numbers import errors_about
+from .file_numbers import errors_about, from_words
 
 log = logging.getLogger(__name__)
-
-#: Names for ``others`` of `read_mesh`, of data that `read_fabric` reads or reports.
-OF_FABRICS = tuple(f"*{keyword}" for keyword in abaqus_fabric.KEYWORDS)
 
 # Suffixes of fabric files.
 _SUFFIXES = (".json", ".inp", ".rad")
@@ -108,9 +115,7 @@ def _read(
     if suffix == ".rad":
         fabric, ignored = radioss.read(content, thickness, stress, material)
     else:
-        fabric, ignored = abaqus_fabric.read(
-            content, thickness, length, stress, material
-        )
+        fabric, ignored = _of_abaqus(content, thickness, length, stress, material)
         if directions := directions_of_deck(content):
             fabric = replace(fabric, warp=directions[0], weft=directions[1])
     return FabricOfFile(fabric, tuple(ignored))
@@ -170,5 +175,358 @@ def write_fabric(
             f"{path}: *FABRIC requires the thickness of the ply in mm, got {thickness}"
         )
     else:
-        text = abaqus_fabric.material_of(fabric, thickness, name)
+        text = _material_of(fabric, thickness, name)
     path.write_text(text, encoding="utf-8")
+
+
+# Components of *UNIAXIAL and their meaning here: the first yarns are the fill.
+_COMPONENTS = {"1": "weft", "2": "warp", "SHEAR": "shear"}
+
+_SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION")
+
+# Other material options, and reasons why they have no counterpart.
+_OTHERS = {
+    "DENSITY": "the ply is in static equilibrium",
+    "DAMPING": "the ply is in static equilibrium",
+    "EXPANSION": "temperature is not modelled",
+    "UNLOADING DATA": "laws are elastic: unloading follows the loading data",
+    "DEPVAR": "laws have no internal variables",
+    "ELASTIC": "the fabric has only the laws of *FABRIC",
+    "PLASTIC": "laws are elastic",
+    "VISCOELASTIC": "laws are independent of time",
+    "DAMAGE INITIATION": "laws are elastic",
+    "DAMAGE EVOLUTION": "laws are elastic",
+    "FAIL STRAIN": "material failure is not modelled",
+    "FAIL STRESS": "material failure is not modelled",
+    "SPECIFIC HEAT": "temperature is not modelled",
+    "CONDUCTIVITY": "temperature is not modelled",
+}
+
+# Supported parameters, by keyword of a fabric.
+_PARAMETERS = {
+    "FABRIC": {"USER"},
+    "UNIAXIAL": {"COMPONENT"},
+    "LOADING DATA": {"TYPE", "DIRECTION", "EXTRAPOLATION", "DEPENDENCIES"},
+}
+
+#: Names for ``others`` of `read_mesh`, of data that `read_fabric` reads or reports.
+OF_FABRICS = tuple(
+    f"*{keyword}" for keyword in ("MATERIAL", *_PARAMETERS, *_SECTIONS, *_OTHERS)
+)
+
+
+class _Data(NamedTuple):
+    """Loading data of one direction: strains, stresses, and extrapolation."""
+
+    direction: str
+    strain: ndarray
+    stress: ndarray
+    linear: bool
+
+
+@dataclass
+class _Material:
+    """Material with *FABRIC: loading data by component, and ignored keywords."""
+
+    name: str
+    fabric: bool = False
+    data: dict[str, list[_Data]] = field(default_factory=dict)
+    ignored: list[str] = field(default_factory=list)
+
+
+def _of_abaqus(
+    content: bytes,
+    thickness: float | None,
+    length: float,
+    stress: float,
+    material: str | None,
+) -> tuple[Fabric, list[str]]:
+    """Fabric of a deck, and messages about ignored data.
+
+    ``length`` and ``stress`` are the units of the deck in mm and N/mm².
+
+    Raises
+    ------
+    MeshError
+        If the deck violates its format, or has no such fabric or no thickness.
+    """
+    every = list(blocks(content))
+    chosen = _chosen(_materials(every), material)
+    if thickness is None:
+        thickness = length * _thickness(every, chosen.name)
+    ignored, laws = chosen.ignored, []
+    for component in ("warp", "weft", "shear"):
+        with errors_about(component):
+            data = chosen.data.get(component)
+            if not data:
+                raise MeshError("the component has no *LOADING DATA")
+            laws.append(_law(component, data, ignored, thickness * stress))
+    warp, weft, shear = laws
+    ignored.append(
+        "Abaqus interpolates the data linearly; the laws here interpolate the same "
+        "points with a monotone cubic"
+    )
+    return Fabric((warp, weft), shear), ignored
+
+
+def _materials(every: list[Block]) -> list[_Material]:
+    materials: list[_Material] = []
+    current, component = None, ""
+    for block in every:
+        if block.keyword == "MATERIAL":
+            current, component = _Material(block.parameters.get("NAME", "")), ""
+            materials.append(current)
+            continue
+        if current is None:
+            continue
+        with errors_about(block):
+            current.ignored += _unread_parameters(block)
+            if block.keyword == "UNIAXIAL":
+                component = _component(block, current)
+            elif block.keyword == "LOADING DATA" and current.fabric:
+                _store(block, current, component)
+            elif block.keyword == "FABRIC":
+                if "USER" in block.parameters:
+                    raise MeshError(
+                        "the parameter USER, a user subroutine, is not supported: "
+                        "provide *LOADING DATA"
+                    )
+                current.fabric = True
+            elif reason := _OTHERS.get(block.keyword):
+                current.ignored.append(f"*{block.keyword}: {reason}")
+            else:
+                current = None
+    return materials
+
+
+def _unread_parameters(block: Block) -> list[str]:
+    """Messages about the parameters of a keyword of a fabric that are not read."""
+    unread = set(block.parameters) - _PARAMETERS.get(
+        block.keyword, block.parameters.keys()
+    )
+    shown = ((name, block.parameters[name]) for name in sorted(unread))
+    return [
+        f"*{block.keyword}, {excerpt('='.join(filter(None, words)))}: this "
+        "parameter is ignored"
+        for words in shown
+    ]
+
+
+def _component(block: Block, material: _Material) -> str:
+    word = block.parameters.get("COMPONENT", "").upper()
+    if word not in _COMPONENTS:
+        raise MeshError(
+            f"COMPONENT={excerpt(word)} must be one of {', '.join(_COMPONENTS)}"
+        )
+    if _COMPONENTS[word] in material.data:
+        raise MeshError(f"COMPONENT={word} is defined twice: keep one of them")
+    material.data[_COMPONENTS[word]] = []
+    return _COMPONENTS[word]
+
+
+def _store(block: Block, material: _Material, component: str) -> None:
+    if not component:
+        raise MeshError("this keyword must follow *UNIAXIAL")
+    parameters = block.parameters
+    direction = parameters.get("DIRECTION", "").upper()
+    beyond = parameters.get("EXTRAPOLATION", "CONSTANT").upper()
+    if direction not in ("", "TENSION", "COMPRESSION"):
+        raise MeshError(
+            f"DIRECTION={excerpt(direction)} is not supported: use TENSION or "
+            "COMPRESSION"
+        )
+    if beyond not in ("CONSTANT", "LINEAR"):
+        raise MeshError(
+            f"EXTRAPOLATION={excerpt(beyond)} is not supported: use CONSTANT or LINEAR"
+        )
+    kind = parameters.get("TYPE", "ELASTIC").upper()
+    if kind != "ELASTIC":
+        material.ignored.append(
+            f"{component}, TYPE={excerpt(kind)}: the law is elastic, and unloading "
+            "follows the loading data"
+        )
+    rows = [without_trailing_comma(words) for words in block.data]
+    if any(len(row) < 2 for row in rows) or len({len(row) for row in rows}) > 1:
+        raise MeshError(
+            "each line must begin with a stress and a strain, and all lines must have "
+            "the same number of values"
+        )
+    numbers = from_words([word for row in rows for word in row], "f8")
+    table = numbers.reshape(len(rows), -1) if rows else np.empty((0, 2))
+    if not np.isfinite(table).all():
+        raise MeshError("all numbers must be finite")
+    if table.shape[1] > 2 and len(table):
+        if np.ptp(table[:, 2:], axis=0).any():
+            raise MeshError(
+                "the data depend on temperature, rate or fields: keep the lines of one "
+                "value"
+            )
+        material.ignored.append(
+            f"{component}: temperature, rate and fields of the loading data are ignored"
+        )
+    strain, stress = table[:, 1], table[:, 0]
+    if direction == "COMPRESSION" and len(strain) and (strain >= 0).all():
+        strain, stress = -strain[::-1], -stress[::-1]
+    elif direction == "COMPRESSION" and len(strain) > 1 and strain[0] > strain[-1]:
+        strain, stress = strain[::-1], stress[::-1]
+    tables = material.data[component]
+    if any(data.direction in (direction, "") or not direction for data in tables):
+        raise MeshError("the data of one direction are defined twice: keep one of them")
+    tables.append(_Data(direction, strain, stress, beyond == "LINEAR"))
+
+
+def _chosen(materials: list[_Material], name: str | None) -> _Material:
+    """Material with a name, or the only fabric."""
+    fabrics = [m for m in materials if m.fabric]
+    if name is not None:
+        fabrics = [m for m in fabrics if m.name.upper() == name.upper()]
+        if not fabrics:
+            raise MeshError(
+                f"the file contains no material {excerpt(name)!r} with *FABRIC"
+            )
+    if not fabrics:
+        raise MeshError("the file contains no *FABRIC")
+    if len(fabrics) > 1:
+        names = ", ".join(excerpt(m.name) for m in fabrics)
+        raise MeshError(
+            f"the file contains several fabrics ({names}): specify the material"
+        )
+    return fabrics[0]
+
+
+def _thickness(every: list[Block], material: str) -> float:
+    """Thickness of the section of a material."""
+    values = {
+        block.data[0][0]
+        for block in every
+        if block.keyword in _SECTIONS
+        and block.parameters.get("MATERIAL", "").upper() == material.upper()
+        and block.data
+    }
+    if len(values) == 1:
+        (word,) = values
+        t = float(from_words([word], "f8")[0])
+        if np.isfinite(t) and t > 0:
+            return t
+        raise MeshError(f"the thickness of the section must be positive, got {t:g}")
+    raise MeshError(
+        f"{'sections of several thicknesses have' if values else 'no section has'} the "
+        f"material {excerpt(material)!r}: specify the thickness in mm"
+    )
+
+
+def _law(component: str, data: list[_Data], ignored: list[str], scale: float) -> Law:
+    """Law of a component, from its data in N/mm² times the thickness."""
+    both = sorted(data, key=lambda part: part.direction)  # compression comes first
+    strain = np.concatenate([part.strain for part in both])
+    stress = np.concatenate([part.stress for part in both])
+    if any(part.direction for part in both) and not (strain == 0).any():
+        at = int(np.searchsorted(strain, 0.0))
+        strain, stress = np.insert(strain, at, 0.0), np.insert(stress, at, 0.0)
+    if len(both) == 2:  # both contain the origin
+        keep = np.append(True, ~((np.diff(strain) == 0) & (strain[1:] == 0)))
+        strain, stress = strain[keep], stress[keep]
+    one_sided = len(strain) and ((strain >= 0).all() or (strain <= 0).all())
+    if one_sided and strain[-1] <= 0:
+        strain, stress = -strain[::-1], -stress[::-1]
+        if both[0].direction == "COMPRESSION":
+            raise MeshError("the component has only compression data: add tension data")
+    if component == "shear":
+        x, y = strain, scale * stress
+        if not one_sided:  # from fill to warp, but here from warp to weft
+            x, y = -x[::-1], -y[::-1]
+    elif (strain <= -1).any():
+        raise MeshError(f"every nominal strain must be above -1, got {strain.min():g}")
+    else:
+        with np.errstate(over="ignore"):  # infinite values are refused below
+            x, y = np.log1p(strain), scale * (1 + strain) * stress
+    linear = all(part.linear for part in both)
+    if not linear:
+        ignored.append(
+            f"{component}: EXTRAPOLATION=CONSTANT: the law ends at the strain "
+            f"{strain[-1]:g}, and states beyond it are refused"
+        )
+    tension_alone = one_sided and both[0].direction == "TENSION"
+    odd = bool(one_sided) and (component == "shear" or not tension_alone)
+    if odd and tension_alone:
+        ignored.append("shear: DIRECTION=TENSION: the law is used for both signs")
+    law = Tabulated(x, y, "linear" if linear else "refuse", odd)
+    if tension_alone and not odd:
+        ignored.append(
+            f"{component}: there are no compression data, so that fibres do not resist "
+            "compression"
+        )
+        return TensionOnly(law)
+    return law
+
+
+# Number of points of a law that is not tabulated: linear interpolation of a parabola
+# then has an error of a millionth of its largest value.
+_N_POINTS = 1001
+
+# Strain and angle up to which laws with an unbounded domain are written.
+_STRAIN, _ANGLE = 0.1, np.radians(80.0)
+
+# Components in the order of Abaqus: fill, warp, shear.
+_WRITTEN_COMPONENTS = (("1", 1), ("2", 0), ("SHEAR", 2))
+
+
+def _material_of(fabric: Fabric, thickness: float, name: str) -> str:
+    """Abaqus material with the laws of a fabric; an error if it cannot be expressed."""
+    if not isinstance(fabric.tensions, TwoLaws):
+        raise ValueError(
+            "*FABRIC does not support a law of both fibre strains: write a .json file"
+        )
+    if fabric.bends:
+        raise ValueError(
+            "*FABRIC does not support bending or twist stiffness: write a .json file"
+        )
+    if np.any(np.not_equal(fabric.wrinkling_angle, Fabric.wrinkling_angle)):
+        raise ValueError(
+            "*FABRIC does not support a wrinkling angle: write a .json file"
+        )
+    if fabric.at() is not fabric:
+        raise ValueError(
+            "*FABRIC does not support laws that differ between elements: write a .json "
+            "file"
+        )
+    lines = [f"*MATERIAL, NAME={name}", "*FABRIC"]
+    for word, number in _WRITTEN_COMPONENTS:
+        lines.append(f"*UNIAXIAL, COMPONENT={word}")
+        lines += _written_component(fabric.laws[number], word == "SHEAR", thickness)
+    return "\n".join([*lines, ""])
+
+
+def _written_component(law: Law, shear: bool, thickness: float) -> Iterator[str]:
+    inner, tension = law, ""
+    if isinstance(law, TensionOnly):
+        inner, tension = law.law, ", DIRECTION=TENSION"
+    x, y, beyond = _points(inner, _ANGLE if shear else _STRAIN)
+    if tension:
+        y = np.where(x < 0, 0.0, y)
+        x, y = x[x >= 0], y[x >= 0]
+    if shear:
+        strain, stress = -x[::-1], -y[::-1] / thickness
+    else:
+        strain, stress = np.expm1(x), y / (thickness * np.exp(x))
+    yield f"*LOADING DATA, TYPE=ELASTIC{tension}{beyond}"
+    for s, e in zip(stress.tolist(), strain.tolist(), strict=True):
+        yield f"{s!r}, {e!r}"
+
+
+def _points(law: Any, reach: float) -> tuple[ndarray, ndarray, str]:
+    """Arguments and values of a law, and the extrapolation for Abaqus."""
+    if isinstance(law, Tabulated):
+        x, y = law.points
+        beyond = ", EXTRAPOLATION=LINEAR" if law.extrapolation == "linear" else ""
+        return x, y, beyond
+    if isinstance(law, Linear):
+        x = np.array([-reach, 0.0, reach])
+        return x, law.value(x), ", EXTRAPOLATION=LINEAR"
+    ends = domain_of(law)
+    if np.isfinite(ends).any():  # as there may be a pole
+        ends = getattr(law, "shown", None) or ends
+    low, high = max(float(ends[0]), -reach), min(float(ends[1]), reach)
+    x = np.linspace(low, high, _N_POINTS)
+    x[np.abs(x).argmin()] = 0.0
+    return x, law.value(x), ""

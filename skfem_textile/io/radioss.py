@@ -50,10 +50,8 @@ _CARDS_158 = (
     *_CARDS_58[5:8],
     {"fct_ID4": (0, 1), "fct_ID5": (1, 1)},
 )
-_CARDS = {
-    58: (_CARDS_58, 5),
-    158: (_CARDS_158, 6),
-}  # second entry: minimum number of cards
+# Cards of each law, and their minimum number.
+_CARDS = {58: (_CARDS_58, 5), 158: (_CARDS_158, 6)}
 
 # Defaults of hm_read_mat58.F and hm_read_mat158.F.
 _CRIMP, _FLEX = 0.1, 1e-3

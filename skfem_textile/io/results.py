@@ -1,4 +1,4 @@
-"""Output of results: fields, history and summary."""
+"""Output of results: fields, tools where they stand, history and summary."""
 
 import contextlib
 import json
@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -27,6 +27,9 @@ from ..solve.states import State
 from ..surfaces.surface import SAME_AXES, Axes, Surface
 from .file_numbers import word_of, write_table
 from .vtk import write_grid, write_series
+
+if TYPE_CHECKING:
+    from ..contact import PlacedTool
 
 
 def point_fields(ply: FabricOnBasis, u: ndarray) -> dict[str, ndarray]:
@@ -150,8 +153,6 @@ def write_fields(
             of_users = partial(on_users_elements, ply)
             _write_series(result, folder, axes, "own_", ply.cells, of_users)
         if has_tools(ply):
-            from .forming import write_tools
-
             write_tools(result, folder, axes)
 
 
@@ -190,8 +191,6 @@ def fields_in(
         on_points, on_cells = fields_on_tool(ply, surface, state)
         points, cells = points | on_points, cells | on_cells
     if has_tools(ply):
-        from .forming import fields_between_tools
-
         on_points, on_cells = fields_between_tools(ply, state)
         points, cells = points | on_points, cells | on_cells
     turned = [
@@ -241,3 +240,72 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_finite(v) for v in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def fields_between_tools(
+    ply: Ply, state: State
+) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
+    """Fields of a ply between tools in a state, at its vertices and elements.
+
+    At vertices ``NAME_pressure`` (N/mm²) of each tool and, except for holders with a
+    prescribed pressure, ``NAME_gap`` (mm), NaN where it does not reach, and ``draw_in``
+    (mm), NaN off the outline; for elements
+    ``areal_weight_ratio``, relative to the flat ply, ``wrinkle_risk``, 0 or 1, and if a
+    tool states the thickness of the ply ``thickness_at_constant_fibre_fraction`` (mm).
+    """
+    from ..contact import areal_weight, contacts, draw_in, pressing, tool_pressure
+    from ..contact.holder import flat_thickness
+
+    u, t, n = state.u, state.load_factor, ply.mesh.nvertices
+    x = ply.positions(u)[:, :n]
+    points = {
+        f"{tool.name}_pressure": tool_pressure(ply, tool, state)[:n]
+        for tool in pressing(ply)
+    }
+    for tool in contacts(ply):
+        gap = tool.gaps_at(x, t)
+        points[f"{tool.name}_gap"] = np.where(np.isfinite(gap), gap, np.nan)
+    drawn = draw_in(ply, u)
+    corners = drawn.nodes < n
+    points["draw_in"] = np.full(n, np.nan)
+    points["draw_in"][drawn.nodes[corners]] = drawn.inwards[corners]
+    risk = wrinkle_risk(ply, u, state.parameters).astype(float)
+    cells = {"areal_weight_ratio": areal_weight(ply, u), "wrinkle_risk": risk}
+    if thickness := flat_thickness(ply):
+        of_ply = areal_weight(ply, u, thickness)
+        cells["thickness_at_constant_fibre_fraction"] = of_ply
+    return points, cells
+
+
+def joined(tools: Sequence["PlacedTool"]) -> tuple[ndarray, ndarray]:
+    """Points and triangles of tools as of a single one, shapes (3, n) and (3, m)."""
+    first = np.cumsum([0, *(tool.points.shape[1] for tool in tools[:-1])])
+    triangles = [tool.triangles + n for tool, n in zip(tools, first, strict=True)]
+    return np.hstack([tool.points for tool in tools]), np.hstack(triangles)
+
+
+def write_tools(result: Result, folder: Path, axes: Axes) -> None:
+    """Write the tools at each state as ``tools_0000.vtu``, ..., and ``tools.pvd``.
+
+    The field ``tool`` is the number of the tool in the order of the terms of the ply.
+    """
+    from ..contact import box_of, contacts, placed_tools
+
+    ply, states = result.ply, result.states
+    names = [tool.name for tool in contacts(ply)]
+    factors = [state.load_factor for state in states]
+    files = {}
+    for i, tools in enumerate(placed_tools(ply, factors, *box_of(ply, states))):
+        if not tools:
+            continue
+        points, triangles = joined(tools)
+        numbers = [names.index(tool.name) for tool in tools]
+        counts = [tool.triangles.shape[1] for tool in tools]
+        files[f"tools_{i:04d}.vtu"] = factors[i]
+        write_grid(
+            folder / f"tools_{i:04d}.vtu",
+            axes.of_tool(points),
+            [triangles],
+            {"tool": np.repeat(numbers, counts)},
+        )
+    write_series(folder / "tools.pvd", files)

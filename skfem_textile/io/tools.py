@@ -150,10 +150,8 @@ def _read_stl(content: bytes) -> ndarray:
     blocks, position = [], 0
     while position + _HEADER <= len(content):
         (count,) = np.frombuffer(content, "<u4", 1, position + _HEADER - 4)
-        begin, position = (
-            position + _HEADER,
-            position + _HEADER + _TRIANGLE * int(count),
-        )
+        begin = position + _HEADER
+        position = begin + _TRIANGLE * int(count)
         if position > len(content):
             break
         rows = np.frombuffer(content, np.uint8, _TRIANGLE * int(count), begin)

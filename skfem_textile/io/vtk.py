@@ -320,100 +320,51 @@ DECOMPRESSORS: dict[str | None, Any] = {
 }
 
 
-class RawData:
-    """Bytes without encoding."""
+def decoded(characters: bytes) -> bytes:
+    """Bytes in base64, in runs that each end with a complete group of characters.
 
-    def __init__(self, content: bytes) -> None:
-        self._content, self._position = content, 0
-
-    def peek(self, count: int) -> bytes:
-        """Next bytes, without consuming them."""
-        if not 0 <= count <= len(self._content) - self._position:
-            raise MeshError("the data are truncated")
-        return self._content[self._position : self._position + count]
-
-    def take(self, count: int) -> bytes:
-        """Next bytes."""
-        data = self.peek(count)
-        self._position += count
-        return data
-
-    def ends_after(self, count: int) -> bool:
-        """True if these bytes are encoded separately from those that follow."""
-        return False
+    Programs write the number of bytes as a separate run, or not.
+    """
+    runs = re.findall(rb"[^=]+={0,2}", characters)
+    try:
+        data = [base64.b64decode(run, validate=True) for run in runs]
+    except binascii.Error:
+        data = []
+    if len(data) < len(runs) or sum(map(len, runs)) < len(characters):
+        raise MeshError("the data are not valid base64")
+    return b"".join(data)
 
 
-class Base64Data(RawData):
-    """Bytes in base64, in runs that each end with a complete group of characters."""
-
-    @staticmethod
-    def _length(count: int) -> int:
-        return -(-count // 3) * 4
-
-    def peek(self, count: int) -> bytes:
-        """Next bytes of a run."""
-        try:
-            chars = super().peek(self._length(count))
-            return base64.b64decode(chars, validate=True)[:count]
-        except binascii.Error:
-            raise MeshError("the data are not valid base64") from None
-
-    def take(self, count: int) -> bytes:
-        """Next run, with a given number of bytes."""
-        data = self.peek(count)
-        self._position += self._length(count)
-        padding = self._content[: self._position][-2:].count(b"=")
-        if len(data) != count or padding != -count % 3:
-            raise MeshError("the data are not valid base64")
-        return data
-
-    def ends_after(self, count: int) -> bool:
-        """True if a run of a given number of bytes ends there."""
-        end = b"=" * (-count % 3)
-        return bool(end) and super().peek(self._length(count)).endswith(end)
-
-    def refuse_rest(self) -> None:
-        """Refuse further data."""
-        if self._position < len(self._content):
-            raise MeshError("the data are longer than declared")
-
-
-def read_uncompressed(data: RawData, header: np.dtype) -> bytes:
+def read_uncompressed(numbers: BinaryNumbers, header: np.dtype) -> bytes:
     """Read bytes preceded by their number."""
-    (count,) = np.frombuffer(data.peek(header.itemsize), header).tolist()
-    if data.ends_after(header.itemsize):
-        data.take(header.itemsize)
-        return data.take(count)
-    return data.take(header.itemsize + count)[header.itemsize :]
+    (count,) = numbers.take(1, header).tolist()
+    return numbers.take(count, "u1").tobytes()
 
 
 def read_compressed(
-    data: RawData, header: np.dtype, decompressor: Any, n_bytes: int
+    numbers: BinaryNumbers, header: np.dtype, decompressor: Any, n_bytes: int
 ) -> bytes:
     """Read a number of bytes that are compressed in blocks.
 
     They are preceded by the number of blocks, the size of one and of the last block,
     and their compressed sizes.
     """
-    (n,) = np.frombuffer(data.peek(header.itemsize), header).tolist()
-    sizes = np.frombuffer(data.take((3 + n) * header.itemsize), header).tolist()[1:]
-    full, last, *compressed = sizes
+    n, full, last = numbers.take(3, header).tolist()
+    compressed = numbers.take(n, header).tolist()
     lengths = [full] * (n - 1) + [last or full] if n else []
     if sum(lengths) != n_bytes:
         raise MeshError(
             f"{n_bytes} bytes expected, but the header declares {sum(lengths)}"
         )
-    rest, start, blocks = data.take(sum(compressed)), 0, []
+    blocks = []
     for size, length in zip(compressed, lengths, strict=True):
-        block = decompressor()
+        block, part = decompressor(), numbers.take(size, "u1").tobytes()
         try:
-            part = rest[start : start + size]
             blocks.append(block.decompress(part, max_length=length + 1))
         except (zlib.error, lzma.LZMAError):
             raise MeshError("the data cannot be decompressed") from None
         if len(blocks[-1]) != length or not block.eof or block.unused_data:
             raise MeshError("the length of a block differs from the declared one")
-        start += size
     return b"".join(blocks)
 
 
@@ -539,6 +490,10 @@ class _XMLFile:
             self._raw = _choice(element, "encoding", "", ("raw", "base64")) == "raw"
             if (element.text or "").strip():
                 raise MeshError("appended data must begin with '_'")
+        if not self._raw:
+            self._appended = b"".join(data.split())
+        offsets = (array.get("offset", "") for array in root.iter("DataArray"))
+        self._offsets = sorted(int(one) for one in offsets if one.isdecimal())
 
     def array(self, element: Element, count: int, integers: bool = False) -> ndarray:
         """Numbers of an array, shape (count,)."""
@@ -556,20 +511,20 @@ class _XMLFile:
             numbers = words.take(count, dtype)
             words.refuse_rest()
             return numbers
-        if kind == "appended" and self._raw:
-            data = RawData(self._appended[_integer(element, "offset") :])
-        elif kind == "appended":
-            rest = b"".join(self._appended.split())
-            data = Base64Data(rest[_integer(element, "offset") :])
+        if kind == "appended":
+            start = _integer(element, "offset")
+            end = next((x for x in self._offsets if x > start), None)
+            data, is_raw = self._appended[start:end], self._raw
         else:
-            data = Base64Data(b"".join(text.split()))
+            data, is_raw = b"".join(text.split()), False
+        read = BinaryNumbers(data if is_raw else decoded(data))
         n_bytes = count * dtype.itemsize
         if self._decompressor is None:
-            content = read_uncompressed(data, self._header)
+            content = read_uncompressed(read, self._header)
         else:
-            content = read_compressed(data, self._header, self._decompressor, n_bytes)
-        if kind == "binary" and isinstance(data, Base64Data):
-            data.refuse_rest()
+            content = read_compressed(read, self._header, self._decompressor, n_bytes)
+        if not is_raw:
+            read.refuse_rest()
         if len(content) != n_bytes:
             raise MeshError(f"{n_bytes} bytes expected, got {len(content)}")
         return np.frombuffer(content, dtype.newbyteorder(self._order)).astype(dtype)

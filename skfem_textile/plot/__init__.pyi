@@ -4,6 +4,7 @@ from .curves import (
     curves as curves,
     plot_law as plot_law,
     plot_tensions as plot_tensions,
+    singular_fibres as singular_fibres,
 )
 from .fields import (
     FIELDS as FIELDS,
@@ -19,17 +20,12 @@ from .in_space import (
     to_pyvista as to_pyvista,
     view as view,
 )
-from .motion import (
-    animation as animation,
-)
 from .nets import (
     net_on_tool as net_on_tool,
     starts as starts,
 )
-from .outlines import (
-    singular_fibres as singular_fibres,
-)
 from .pictures import (
+    animation as animation,
     contact_sheet as contact_sheet,
     draped as draped,
     fibre_directions as fibre_directions,

@@ -1,22 +1,25 @@
-"""Load curves and curves of laws with matplotlib."""
+"""Curves with matplotlib: loads, laws, and singular fibres over an outline."""
 
 import os
 from collections.abc import Mapping, Sequence
 from itertools import cycle
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
 from numpy.typing import ArrayLike
 
 from ..fabric.law import BiaxialLaw, Law, domain_of
+from .drawing import new_figure
 from .layout import POINT, TITLE, default_width, text_width
-from .picture_files import picture_path, save
-from .style import figure_style
+
+if TYPE_CHECKING:
+    from ..outlines import Outline, SingularFibres
 
 # Okabe and Ito's colours, distinct for any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -61,13 +64,12 @@ def curves(
     >>> [axes.get_title() for axes in figure.axes]
     ['Fig. 5']
     """
-    path = None if filename is None else picture_path(filename)
-    labels = dict.fromkeys(label for lines in panels.values() for label in lines)
-    colour = dict(zip(labels, cycle(COLOURS), strict=False))
-    width = default_width(len(panels)) / 25.4
-    height = max(_LEAST_HEIGHT, 0.8 * width / len(panels))
-    with figure_style():
-        figure = Figure(figsize=(width, height), layout="constrained")
+    with new_figure(filename) as figure:
+        labels = dict.fromkeys(label for lines in panels.values() for label in lines)
+        colour = dict(zip(labels, cycle(COLOURS), strict=False))
+        width = default_width(len(panels)) / 25.4
+        height = max(_LEAST_HEIGHT, 0.8 * width / len(panels))
+        figure.set_size_inches(width, height)
         for i, (title, lines) in enumerate(panels.items(), start=1):
             axes = figure.add_subplot(1, len(panels), i)
             for label, (x, y, *bands) in lines.items():
@@ -89,7 +91,6 @@ def curves(
             ncols=_columns([str(one.get_label()) for one in handles], width * 25.4),
             frameon=False,
         )
-        save(figure, path)
     return figure
 
 
@@ -229,3 +230,88 @@ def _ends(law: Law, reach: float) -> tuple[float, float]:
     low = low if np.isfinite(low) else min(-reach, high - 2 * reach)
     high = high if np.isfinite(high) else max(reach, low + 2 * reach)
     return low, high
+
+
+# Lines by kind, distinct in grey: by their dashes and widths in points.
+_LINES: dict[str, dict[str, Any]] = {
+    "warp": {"color": COLOURS[0], "lw": 1.2, "ls": "-"},
+    "weft": {"color": COLOURS[1], "lw": 1.2, "ls": (0, (5, 2))},
+    "weak": {"color": "0.35", "lw": 0.9, "ls": (0, (1, 1.5))},
+    "border": {"color": "black", "lw": 0.8, "ls": "-."},
+    "held": {"color": "black", "lw": 3.5, "ls": "-"},
+}
+_LABELS = {
+    "warp": "warp, shear angle may jump",
+    "weft": "weft, shear angle may jump",
+    "weak": "its derivative may jump",
+    "border": "border",
+    "held": "held or driven",
+}
+
+# Colour of the ply.
+_PLY = "0.93"
+
+# Largest height over the width of the picture.
+_HIGHEST = 1.6
+
+
+def singular_fibres(
+    outline: "Outline",
+    lines: "SingularFibres",
+    filename: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Plot singular fibres over the outline of a ply.
+
+    Warp is solid, weft dashed; fibres across which only the derivative of the shear
+    angle may jump are dotted, and held edges thick.
+
+    Parameters
+    ----------
+    outline
+        The outline.
+    lines
+        Its singular fibres.
+    filename
+        Output file: PNG, or vector graphics (.svg, .pdf or .eps).
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As `picture_path`.
+
+    Examples
+    --------
+    >>> import skfem_textile as st
+    >>> outline = st.Outline([[0, 100, 100, 0], [0, 0, 200, 200]])
+    >>> fabric = st.Fabric(1e5, 0.5, warp=(1, 1), weft=(-1, 1))
+    >>> lines = st.singular_fibres(outline, fabric, {"held": st.Condition("bottom")})
+    >>> axes = singular_fibres(outline, lines).axes[0]
+    >>> axes.get_xlabel()
+    'x (mm)'
+    """
+    with new_figure(filename) as figure:
+        drawn = [("weak", fibre.points) for fibre in lines.weak]
+        drawn += [("border", line) for line in lines.borders]
+        drawn += [("held", piece) for piece in lines.held]
+        drawn += [(("warp", "weft")[f.family], f.points) for f in lines.fibres]
+        width = default_width(1) / 25.4
+        span = np.ptp(outline.polygon, axis=1)
+        height = width * float(np.clip(span[1] / span[0], 0.3, _HIGHEST)) + 0.8
+        figure.set_size_inches(width, height)
+        axes = figure.add_subplot()
+        rings = [np.vstack([ring.T, ring.T[:1]]) for ring in outline.rings]
+        ply = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
+        axes.add_patch(PathPatch(ply, facecolor=_PLY, edgecolor="black", lw=0.6))
+        for kind, points in drawn:
+            axes.plot(*points, solid_capstyle="butt", **_LINES[kind])
+        for x, y in outline.points.values():
+            axes.plot(x, y, "o", color="black", markersize=3)
+        axes.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
+        kinds = [kind for kind in _LINES if kind in {k for k, _ in drawn}]
+        figure.legend(
+            handles=[Line2D([], [], label=_LABELS[k], **_LINES[k]) for k in kinds],
+            loc="outside lower center",
+            frameon=False,
+            handlelength=3.5,
+        )
+    return figure

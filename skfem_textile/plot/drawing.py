@@ -1,11 +1,15 @@
-"""Drawing of sheets: vector graphics with matplotlib, raster images with pyvista.
+"""Drawing of sheets, as vectors with matplotlib and as pixels with pyvista; files.
 
 Vector graphics of a ply in space include lines that faces hide, but not lines that a
 tool hides.
 """
 
+import contextlib
 import os
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
@@ -18,10 +22,12 @@ from matplotlib.patches import Polygon, Rectangle
 from numpy import ndarray
 
 from ..mesh.requirements import require
+from ..mesh.user_input import with_article
 from .layout import (
     KEY,
     POINT,
     PRINTED,
+    TITLE,
     Bar,
     Layout,
     Slot,
@@ -30,7 +36,6 @@ from .layout import (
     font_file,
     lay_out,
 )
-from .picture_files import is_vector, picture_path, save, save_pixels
 from .sheet import Panel, Sheet, in_front_of_tool, lines_of
 
 if TYPE_CHECKING:
@@ -79,9 +84,6 @@ def pyvista_drawing() -> Any:
 
 # Width in points of the edge that closes gaps between polygons in viewers.
 _SEAM = 0.4
-
-# Colour map and normalisation of a scale.
-_COLOURS = 256
 
 
 def _figure_of(sheet: Sheet, layout: Layout) -> Figure:
@@ -153,9 +155,8 @@ def _grey(levels: ndarray) -> ndarray:
 
 def _draw_bar(page: mpl.axes.Axes, bar: Bar) -> None:
     """Draw a rectangle for each colour, extended below the next one to avoid gaps."""
-    (x, y, width, height), scale = bar.box, bar.scale
-    colours = scale.colours(np.linspace(0, 1, _COLOURS))
-    ends = x + width * np.arange(_COLOURS + 1) / _COLOURS
+    (x, y, width, height), colours = bar.box, bar.colours
+    ends = x + width * np.arange(len(colours) + 1) / len(colours)
     for left, right, colour in zip(ends, [*ends[2:], ends[-1]], colours, strict=False):
         page.add_patch(Rectangle((left, y), right - left, height, fc=colour, ec="none"))
     for tip, colour in zip(bar.tips, (colours[0], colours[-1]), strict=True):
@@ -175,3 +176,112 @@ def _write(page: mpl.axes.Axes, writing: Writing) -> None:
         va="center_baseline",
         parse_math=False,
     )
+
+
+#: Suffixes of vector graphics.
+VECTORS = (".svg", ".pdf", ".eps")
+
+#: Suffixes of pictures; a name without a suffix becomes a PNG.
+SUFFIXES = (".png", *VECTORS)
+
+# PDF and EPS embed fonts as TrueType, as journals require; SVG output is reproducible.
+_STYLE = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.hashsalt": "skfem_textile"}
+_NO_DATE = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+
+
+def picture_path(
+    filename: str | os.PathLike[str], suffixes: Sequence[str] = SUFFIXES
+) -> Path:
+    """Validated path of a picture.
+
+    Parameters
+    ----------
+    filename
+        Output file.
+    suffixes
+        Accepted suffixes; a name without a suffix gets the first one.
+
+    Raises
+    ------
+    ValueError
+        If it is not a path, or its suffix is not accepted.
+    FileNotFoundError
+        If the folder of the file does not exist.
+    """
+    if not isinstance(filename, str | os.PathLike):
+        raise ValueError(f"filename must be a path, not {with_article(filename)}")
+    path = Path(filename)
+    if path.suffix.lower() not in ("", *suffixes):
+        raise ValueError(
+            f"{path}: pictures can be written only to {', '.join(suffixes)} files: "
+            f"name it {path.stem}{suffixes[0]}"
+        )
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
+    return path
+
+
+def is_vector(path: Path | None) -> bool:
+    """True if a path has a suffix of vector graphics."""
+    return path is not None and path.suffix.lower() in VECTORS
+
+
+@contextlib.contextmanager
+def atomic_file(path: Path, suffix: str) -> Iterator[Path]:
+    """Yield a temporary name; the file is renamed at the end."""
+    unfinished = path.with_name(f".unfinished-{path.stem}{suffix}")
+    yield unfinished
+    unfinished.replace(path)
+
+
+def save(figure: Figure, path: Path | None) -> None:
+    """Write a figure in the format of the suffix; without a path do nothing."""
+    if path is None:
+        return
+    suffix = path.suffix.lower() or SUFFIXES[0]
+    with mpl.rc_context(_STYLE), atomic_file(path, suffix) as file:
+        figure.savefig(file, dpi=PRINTED, metadata=_NO_DATE.get(suffix))
+
+
+def save_pixels(pixels: Any, path: Path) -> None:
+    """Write pixels as a PNG with 300 dots per inch."""
+    from PIL import Image
+
+    with atomic_file(path, ".png") as file:
+        Image.fromarray(pixels).save(file, dpi=(PRINTED, PRINTED))
+
+
+def figure_style(size: float = TITLE) -> AbstractContextManager[None]:
+    """Context in which figures have one style, with text of a size in points.
+
+    Examples
+    --------
+    >>> with figure_style():
+    ...     mpl.rcParams["font.size"], mpl.rcParams["axes.spines.top"]
+    (8.0, False)
+    """
+    return mpl.rc_context(
+        {
+            "font.size": size,
+            "axes.titlesize": "medium",
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.linewidth": 0.6,
+            "lines.linewidth": 1.0,
+        }
+    )
+
+
+@contextlib.contextmanager
+def new_figure(
+    filename: str | os.PathLike[str] | None, font_size: float = TITLE
+) -> Iterator[Figure]:
+    """Yield a figure in the style of all figures, which is written at the end.
+
+    The name of the file, which may be None, is validated first.
+    """
+    path = None if filename is None else picture_path(filename)
+    with figure_style(font_size):
+        figure = Figure(layout="constrained")
+        yield figure
+        save(figure, path)

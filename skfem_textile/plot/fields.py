@@ -10,15 +10,14 @@ from skfem import AbstractBasis
 
 from ..fabric import Fabric
 from ..forms.fields import FabricOnBasis, on_basis
-from ..io.results import cell_fields, has_tools, point_fields
+from ..io.results import cell_fields, has_tools, joined, point_fields
 from ..mesh.user_input import with_article
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
 from ..surfaces.surface import Surface
 from ..surfaces.tool_mesh import triangles_within
-from .fibre_lines import Fibres
-from .sheet import LIGHT, Scale, Shape, Tool, eye_axes, in_perspective
+from .sheet import LIGHT, Fibres, Scale, Shape, Tool, eye_axes, in_perspective
 
 if TYPE_CHECKING:
     from ..contact import PlacedTool
@@ -251,13 +250,9 @@ def _faces_viewer(tool: "PlacedTool") -> bool:
 def _joined(tools: Sequence["PlacedTool"], one_sided: bool) -> Tool | None:
     if not tools:
         return None
-    first = np.cumsum([0, *(tool.points.shape[1] for tool in tools)])
-    return Tool(
-        np.hstack([tool.points for tool in tools]).T,
-        np.hstack([x.triangles + n for x, n in zip(tools, first[:-1], strict=True)]),
-        shades_of(np.hstack([tool.normals for tool in tools])),
-        one_sided,
-    )
+    points, triangles = joined(tools)
+    shades = shades_of(np.hstack([tool.normals for tool in tools]))
+    return Tool(points.T, triangles, shades, one_sided)
 
 
 def solids_of(
@@ -297,19 +292,6 @@ def fibres_of(ply: FabricOnBasis) -> Fibres:
     shape = 2, ply.mesh.nelements
     directions = (np.broadcast_to(A[..., 0], shape) for A in ply.directions(ply.centre))
     return Fibres.of(ply.mesh.p, (ply.mesh.t,), *directions)
-
-
-def on_one_scale(
-    results: Sequence[Result],
-    states: Sequence[State],
-    field: Field,
-    cmap: Any = None,
-    clim: Sequence[float] | None = None,
-) -> tuple[list[ndarray], Scale]:
-    """Values of a field for each result, and their common scale."""
-    pairs = zip(results, states, strict=True)
-    values = [values_of(field, result.ply, at.u) for result, at in pairs]
-    return values, scale_of(field, values, cmap, clim)
 
 
 def scale_of(

@@ -30,12 +30,11 @@ from ..solve.result import Result
 from ..solve.states import State
 from ..surfaces.tool_mesh import cut_in_two
 from .curves import COLOURS, curves
-from .fields import FIELDS, fibres_of, refuse_other_than_result
+from .drawing import new_figure
+from .fields import FIELDS, refuse_other_than_result
 from .layout import COLUMN, PAGE
-from .picture_files import picture_path, save
-from .pictures import Picture, View, stage_of
-from .sheet import FAMILIES, REFUSED, Legend, Panel, Scale
-from .style import figure_style
+from .pictures import RISK, Picture, View, key_of_marks, stage_of
+from .sheet import FAMILIES, Legend, Scale
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -59,41 +58,26 @@ def formed(
     Parameters, returned value and exceptions as for `field`; `ValueError` for a ply
     without tools.
     """
-    if not (options.get("size") or options.get("plotter")):
-        options["size"] = _WIDTH
-    picture = Picture(results, titles, **options)
+    picture = Picture(results, titles, width=_WIDTH, **options)
     for result in results:
         _refuse_without_tools(result)
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
+    pairs = [*zip(results, picture.states, strict=True)]
     risks = [
         np.flatnonzero(wrinkle_risk(result.ply, at.u, at.parameters))
-        for result, at in zip(results, picture.states, strict=True)
+        for result, at in pairs
     ]
-    weights = [
-        areal_weight(result.ply, at.u)
-        for result, at in zip(results, picture.states, strict=True)
-    ]
+    weights = [areal_weight(result.ply, at.u) for result, at in pairs]
     every = np.concatenate(weights)
-    limits = float(every.min()), float(every.max())
-    weight = Scale.of(_AREAL_WEIGHT, limits, "cividis")
-    rows = []
-    for result, title, shape, angle, risk, ratio in zip(
-        *(results, picture.titles(), picture.shapes, angles, risks, weights),
-        strict=True,
-    ):
-        row = [
-            Panel(title, shape, angle, shear, marked=risk),
-            Panel(title, shape, fibres=fibres_of(result.ply)),
-            Panel(title, shape, ratio, weight),
-        ]
-        rows.append(row)
-    keys = [("Risk of wrinkling", REFUSED)] if any(x.size for x in risks) else []
+    weight = Scale.of(_AREAL_WEIGHT, (every.min(), every.max()), "cividis")
+    sheared = picture.panels(angles, shear, marked=risks)
+    fibres, weighed = picture.panels(fibres=True), picture.panels(weights, weight)
     legends = (
-        Legend(0, 1, shear, keys),
+        Legend(0, 1, shear, key_of_marks(RISK, sheared)),
         Legend(1, 2, keys=FAMILIES),
         Legend(2, 3, weight),
     )
-    return picture.drawn(rows, *legends)
+    return picture.drawn([*zip(sheared, fibres, weighed, strict=True)], *legends)
 
 
 # Number of cubes along the longest side of a section in which tools are triangulated,
@@ -139,23 +123,24 @@ def section(
     ValueError, FileNotFoundError
         For a ply without tools, and as `picture_path`.
     """
-    path = None if filename is None else picture_path(filename)
-    _refuse_without_tools(result)
-    every = result.states
-    if states is None:
-        even = np.linspace(0, len(every) - 1, _SECTIONS).round().astype(int)
-        states = np.unique(even).tolist()
-    chosen = [every[i] for i in states]
-    low, high = _extent(result.ply, chosen, angle)
-    origin = _origin(result.ply, angle)
-    columns = min(2, len(chosen))
-    rows = -(-len(chosen) // columns)
-    width = (PAGE if columns > 1 else COLUMN) / 25.4
-    height = rows * (width / columns * (high[1] - low[1]) / (high[0] - low[0]) + 0.45)
-    names = [tool.name for tool in contacts(result.ply)]
-    colours = dict(zip(names, cycle(COLOURS), strict=False))
-    with figure_style():
-        figure = Figure(figsize=(width, height + 0.3), layout="constrained")
+    with new_figure(filename) as figure:
+        _refuse_without_tools(result)
+        every = result.states
+        if states is None:
+            even = np.linspace(0, len(every) - 1, _SECTIONS).round().astype(int)
+            states = np.unique(even).tolist()
+        chosen = [every[i] for i in states]
+        low, high = _extent(result.ply, chosen, angle)
+        origin = _origin(result.ply, angle)
+        columns = min(2, len(chosen))
+        rows = -(-len(chosen) // columns)
+        width = (PAGE if columns > 1 else COLUMN) / 25.4
+        height = rows * (
+            width / columns * (high[1] - low[1]) / (high[0] - low[0]) + 0.45
+        )
+        names = [tool.name for tool in contacts(result.ply)]
+        colours = dict(zip(names, cycle(COLOURS), strict=False))
+        figure.set_size_inches(width, height + 0.3)
         tools = _tools(result.ply, chosen, angle, low, high)
         for i, (state, placed) in enumerate(zip(chosen, tools, strict=True), start=1):
             axes = figure.add_subplot(rows, columns, i, aspect="equal")
@@ -172,7 +157,6 @@ def section(
         figure.legend(
             handles=handles, loc="outside lower center", ncols=4, frameon=False
         )
-        save(figure, path)
     return figure
 
 

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -14,7 +14,7 @@ from ..io.results import fields_in
 from ..mesh.requirements import is_installed
 from ..solve.result import Result
 from ..surfaces.tool_mesh import cut_in_two
-from .drawing import pyvista_drawing
+from .drawing import atomic_file, picture_path, pyvista_drawing
 from .fields import (
     Drawn,
     Field,
@@ -26,7 +26,6 @@ from .fields import (
     solids_of,
     values_of,
 )
-from .picture_files import atomic_file, picture_path
 from .sheet import THREAD, Shape, Tool
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ def export_gltf(
     """
     refuse_other_than_result("export_gltf", result)
     path = picture_path(filename, (".gltf",))
-    plotter = _plotter([result], **options, size=_METRE, solid=_linear)
+    plotter = _plotter([result], **options, of_file=True)
     with atomic_file(path.with_suffix(".gltf"), ".gltf") as file:
         plotter.export_gltf(str(file))
         content = json.loads(file.read_text())
@@ -189,13 +188,9 @@ def _one_of(what: str, drawn: Sequence[Drawn], state: int) -> tuple[Any, Any]:
     return results[0], states[0]
 
 
-def _as_shown(rgb: ndarray) -> ndarray:
-    return rgb
-
-
-def _linear(rgb: ndarray) -> ndarray:
-    """Linear intensities of sRGB colours (IEC 61966-2-1), as of solids in glTF."""
-    rgb = np.asarray(rgb)
+def _linear(colour: str) -> ndarray:
+    """Linear intensities of an sRGB colour (IEC 61966-2-1), as of solids in glTF."""
+    rgb = np.array(to_rgb(colour))
     return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
 
 
@@ -206,10 +201,10 @@ def _plotter(
     cmap: Any = None,
     clim: Sequence[float] | None = None,
     fibres: bool = True,
-    size: float = 1.0,
-    solid: Callable[[ndarray], ndarray] = _as_shown,
+    of_file: bool = False,
 ) -> "pv.Plotter":
-    """Plotter with a ply in 3D, with a factor of lengths, and colours of solids."""
+    """Plotter with a ply in 3D; of a glTF file in m, with linear colours of solids."""
+    size, solid = (_METRE, _linear) if of_file else (1.0, to_rgb)
     quantity = field_of(field)
     result, at = _one_of("a view", drawn, state)
     values = values_of(quantity, result.ply, at.u)
@@ -237,11 +232,10 @@ def _plotter(
         for family, side in product((0, 1), (lift, -lift)):
             ends = lines.lines(shape.points + side * normals, family, spacing)
             tubes = _tubes(ends, _RADIUS * diagonal)
-            plotter.add_mesh(tubes, color=solid(np.array(to_rgb(THREAD))), **_LIT)
+            plotter.add_mesh(tubes, color=solid(THREAD), **_LIT)
     if tool := shape.tool:
-        steel = solid(np.array(to_rgb(_STEEL)))
         faces = _behind(tool, size, _BEHIND * diagonal)
-        plotter.add_mesh(faces, color=steel, **_LIT)
+        plotter.add_mesh(faces, color=solid(_STEEL), **_LIT)
     plotter.view_isometric()
     return plotter
 

@@ -108,6 +108,11 @@ class Bar(NamedTuple):
     box: Box
 
     @property
+    def colours(self) -> ndarray:
+        """Its colours from left to right, shape (n, 4)."""
+        return np.asarray(self.scale.colours(np.linspace(0, 1, _COLOURS)))
+
+    @property
     def tips(self) -> tuple[ndarray, ndarray]:
         """Corners of the arrows at its ends; empty if no values lie beyond."""
         x, y, width, height = self.box
@@ -191,6 +196,9 @@ MARGIN = 2.0
 # between numbers.
 _THICKNESS, _LONGEST, _SHARE, _GAP = 2.2, 70.0, 0.8, 1.5
 
+# Number of colours of a scale.
+_COLOURS = 256
+
 # Width of the mark at zero, and length by which it extends beyond the bar.
 _MARK, _OUT = 0.25, 0.6
 
@@ -201,11 +209,8 @@ KEY, KEY_GAP, _KEY_END = 4.0, 1.0, 4.0
 def _legend(legend: Legend, cell: float) -> PlacedLegend:
     """Legend below columns of a width in mm, from y = 0 downwards."""
     left, width = legend.first * cell, (legend.last - legend.first) * cell
-    placed, middle, y = (
-        PlacedLegend(Box(left, 0, width, 0), [], [], []),
-        left + width / 2,
-        -MARGIN,
-    )
+    placed = PlacedLegend(Box(left, 0, width, 0), [], [], [])
+    middle, y = left + width / 2, -MARGIN
     if scale := legend.scale:
         length = min(_LONGEST, _SHARE * width)
         box = Box(middle - length / 2, y - _THICKNESS, length, _THICKNESS)

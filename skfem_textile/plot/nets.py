@@ -12,14 +12,13 @@ from ..nets.sheet import Pieces, Sheet
 from ..nets.start_search import BestStart
 from ..surfaces.surface import Axes
 from ..surfaces.triangle_mesh import TriangleMesh
-from .drawing import draw
-from .fibre_lines import Fibres
+from .drawing import draw, new_figure
 from .fields import FIELDS, reach, tool_under
 from .layout import PAGE, default_width
-from .picture_files import picture_path, save
 from .sheet import (
     FAMILIES,
     REFUSED,
+    Fibres,
     Legend,
     Panel,
     Scale,
@@ -28,7 +27,6 @@ from .sheet import (
     in_perspective,
 )
 from .sheet import Sheet as Picture
-from .style import figure_style
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -114,21 +112,22 @@ def starts(
     ValueError, FileNotFoundError
         As `picture_path`.
     """
-    path = None if filename is None else picture_path(filename)
-    corners = tool.facets.points[:, tool.facets.triangles()]
-    a, b, c = corners.swapaxes(0, 1)
-    normal = np.cross(b - a, c - a, axis=0).sum(axis=1)
-    up = int(np.abs(normal).argmax())
-    i, j = (k for k in range(3) if k != up)
-    at, along = best.points[[i, j]], best.directions[[i, j]]
-    low, high = (f(corners, axis=(1, 2))[[i, j]] for f in (np.min, np.max))
-    width = default_width(1) / 25.4
-    span = high - low
-    height = 0.75 * width * float(np.clip(span[1] / span[0], _LOWEST, _HIGHEST)) + 0.9
-    half = 0.5 * _LINE * float(span.max()) * along
-    laid = np.isfinite(best.measures)
-    with figure_style():
-        figure = Figure(figsize=(width, height), layout="constrained")
+    with new_figure(filename) as figure:
+        corners = tool.facets.points[:, tool.facets.triangles()]
+        a, b, c = corners.swapaxes(0, 1)
+        normal = np.cross(b - a, c - a, axis=0).sum(axis=1)
+        up = int(np.abs(normal).argmax())
+        i, j = (k for k in range(3) if k != up)
+        at, along = best.points[[i, j]], best.directions[[i, j]]
+        low, high = (f(corners, axis=(1, 2))[[i, j]] for f in (np.min, np.max))
+        width = default_width(1) / 25.4
+        span = high - low
+        height = (
+            0.75 * width * float(np.clip(span[1] / span[0], _LOWEST, _HIGHEST)) + 0.9
+        )
+        half = 0.5 * _LINE * float(span.max()) * along
+        laid = np.isfinite(best.measures)
+        figure.set_size_inches(width, height)
         axes = figure.add_subplot()
         flat = corners[[i, j]].transpose(2, 1, 0)
         axes.add_collection(
@@ -159,5 +158,4 @@ def starts(
             frameon=False,
             ncols=2,
         )
-        save(figure, path)
     return figure

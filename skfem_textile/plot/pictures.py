@@ -1,8 +1,14 @@
-"""Pictures of plies: fields, fibres and acceptance checks."""
+"""Pictures of plies: fields, fibres and acceptance checks; and animations.
+
+An animation shows a field on the moving ply, as a GIF or as a video by ffmpeg.
+"""
 
 import os
+import shutil
+import subprocess
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
@@ -14,8 +20,7 @@ from ..io.results import fields_on_tool, has_tools
 from ..mesh.splitting import original_elements
 from ..solve.result import Result, StepError
 from ..solve.states import State
-from .drawing import draw
-from .fibre_lines import Fibres
+from .drawing import atomic_file, draw, picture_path, pyvista_drawing
 from .fields import (
     DIVERGING,
     FIELDS,
@@ -23,19 +28,19 @@ from .fields import (
     Field,
     fibres_of,
     field_of,
-    on_one_scale,
     reach,
+    refuse_other_than_result,
     results_of,
     scale_of,
     shapes_of,
     values_of,
 )
-from .layout import PAGE
-from .picture_files import picture_path
+from .layout import PAGE, PRINTED, lay_out
 from .sheet import (
     FAMILIES,
     REFUSED,
     THREADS,
+    Fibres,
     Legend,
     Panel,
     Scale,
@@ -69,7 +74,7 @@ class Options(View, total=False):
 
 
 class Picture:
-    """Results, each in one state, with drawing options."""
+    """Results, each in one state, with drawing options, and a default ``width``."""
 
     def __init__(
         self,
@@ -81,7 +86,10 @@ class Picture:
         state: int = -1,
         show_edges: bool | None = None,
         size: float | tuple[float, float] | None = None,
+        width: float | None = None,
     ) -> None:
+        if size is None and plotter is None:
+            size = width
         if filename is not None:
             picture_path(filename)
         self.results, self.states = results_of(drawn, state)
@@ -119,11 +127,48 @@ class Picture:
         sheet = Sheet(rows, legends, extent(self.shapes), self._show_edges)
         return draw(sheet, *self._how)
 
+    def values(self, field: Field) -> list[ndarray]:
+        """Values of a field for each result."""
+        pairs = zip(self.results, self.states, strict=True)
+        return [values_of(field, result.ply, at.u) for result, at in pairs]
+
     def on_one_scale(
         self, field: Field, cmap: Any = None, clim: Sequence[float] | None = None
     ) -> tuple[list[ndarray], Scale]:
         """Values of a field for each result, and their common scale."""
-        return on_one_scale(self.results, self.states, field, cmap, clim)
+        values = self.values(field)
+        return values, scale_of(field, values, cmap, clim)
+
+    def panels(
+        self,
+        values: Sequence[ndarray] = (),
+        scale: Scale | None = None,
+        *,
+        fibres: bool = False,
+        marked: Sequence[ndarray] = (),
+        titles: Sequence[str] = (),
+    ) -> list[Panel]:
+        """One panel for each result; without ``titles`` with those of the results."""
+        none = [None] * len(self.results)
+        lines = [fibres_of(x.ply) for x in self.results] if fibres else none
+        columns = titles or self.titles(), self.shapes, values or none, lines
+        panels = [
+            Panel(title, shape, each, scale, of_ply)
+            for title, shape, each, of_ply in zip(*columns, strict=True)
+        ]
+        if not marked:
+            return panels
+        pairs = zip(panels, marked, strict=True)
+        return [panel._replace(marked=elements) for panel, elements in pairs]
+
+
+#: Key of elements with a risk of wrinkling.
+RISK = "Risk of wrinkling"
+
+
+def key_of_marks(name: str, panels: Sequence[Panel]) -> list[tuple[str, str]]:
+    """Key of marked elements, if there are any."""
+    return [(name, REFUSED)] if any(panel.marked.size for panel in panels) else []
 
 
 def field(
@@ -201,12 +246,7 @@ def field(
     """
     picture = Picture(results, titles, **options)
     fields, scale = picture.on_one_scale(field_of(field), cmap, clim)
-    row = [
-        Panel(title, shape, values, scale, fibres_of(result.ply) if fibres else None)
-        for title, shape, values, result in zip(
-            *(picture.titles(), picture.shapes, fields, picture.results), strict=True
-        )
-    ]
+    row = picture.panels(fields, scale, fibres=fibres)
     return picture.drawn([row], Legend(0, len(row), scale, THREADS if fibres else ()))
 
 
@@ -235,10 +275,10 @@ def fibre_strain(
     Parameters, returned value and exceptions as for `field`.
     """
     picture = Picture(results, titles, **options)
-    rows, scale = _strain_rows(picture, cmap, clim)
+    (warp, weft), scale = _strains(picture, cmap, clim)
     low, high = extent(picture.shapes)
-    if len(picture.results) == 1 and high[1] - low[1] > high[0] - low[0]:
-        rows = [[panel for row in rows for panel in row]]
+    tall = high[1] - low[1] > high[0] - low[0]
+    rows = [[*warp, *weft]] if len(warp) == 1 and tall else [warp, weft]
     return picture.drawn(rows, Legend(0, len(rows[0]), scale))
 
 
@@ -250,13 +290,9 @@ def contact_sheet(
     Parameters, returned value and exceptions as for `field`.
     """
     picture = Picture(results, titles, **options)
-    strains, strain = _strain_rows(picture)
+    strains, strain = _strains(picture)
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
-    rows = []
-    for warp, weft, title, values in zip(
-        *strains, picture.titles(), angles, strict=True
-    ):
-        rows.append([warp, weft, Panel(title, warp.shape, values, shear)])
+    rows = [*zip(*strains, picture.panels(angles, shear), strict=True)]
     return picture.drawn(rows, Legend(0, 2, strain), Legend(2, 3, shear))
 
 
@@ -267,12 +303,9 @@ def fibre_directions(
 
     Parameters, returned value and exceptions as for `field`.
     """
-    picture, row = Picture(results, titles, **options), []
+    picture = Picture(results, titles, **options)
     titled = picture.titles(alone="Fibre directions")
-    for result, title, shape in zip(
-        picture.results, titled, picture.shapes, strict=True
-    ):
-        row.append(Panel(title, shape, fibres=fibres_of(result.ply)))
+    row = picture.panels(fibres=True, titles=titled)
     return picture.drawn([row], Legend(0, len(row), keys=FAMILIES))
 
 
@@ -300,21 +333,22 @@ def verdict(
     Other parameters, returned value and exceptions as for `field`.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
-    picture, row = Picture(results, **options), []
+    picture = Picture(results, **options)
     if not all(hasattr(at, "verdict") for at in picture.states):
         raise ValueError("a displacement on a basis has no checks: pass a Result")
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
     shown_field = field_of(field or next(filter(None, ended), "area_ratio"))
     fields, scale = picture.on_one_scale(shown_field, cmap, clim)
-    for run, result, shape, at, values in zip(
-        runs, results, picture.shapes, picture.states, fields, strict=True
-    ):
-        panel = Panel(_check_title(result, at), shape, values, scale)
-        if isinstance(run, StepError):
-            panel = panel._replace(title=str(run), marked=run.elements)
-        row.append(panel)
-    some = any(panel.marked.size for panel in row)
-    keys = [("Elements where the step was rejected", REFUSED)] if some else []
+    titles = map(_check_title, results, picture.states)
+    row = [
+        panel._replace(title=str(run), marked=run.elements)
+        if isinstance(run, StepError)
+        else panel
+        for run, panel in zip(
+            runs, picture.panels(fields, scale, titles=[*titles]), strict=True
+        )
+    ]
+    keys = key_of_marks("Elements where the step was rejected", row)
     return picture.drawn([row], Legend(0, len(row), scale, keys))
 
 
@@ -332,25 +366,16 @@ def _check_title(result: Result, state: State) -> str:
     )
 
 
-def _strain_rows(
+def _strains(
     picture: Picture, cmap: Any = None, clim: Sequence[float] | None = None
 ) -> tuple[list[list[Panel]], Scale]:
     """Panels of warp and weft with a common scale."""
-    pairs = list(zip(picture.results, picture.states, strict=True))
     fields = {"Warp": FIELDS["warp_strain"], "Weft": FIELDS["weft_strain"]}
-    strains = [
-        [values_of(f, result.ply, at.u) for result, at in pairs]
-        for f in fields.values()
-    ]
+    strains = [picture.values(one) for one in fields.values()]
     of_both = replace(fields["Warp"], label="Fibre strain (%)")
     scale = scale_of(of_both, [values for row in strains for values in row], cmap, clim)
     rows = [
-        [
-            Panel(title, shape, values, scale)
-            for title, shape, values in zip(
-                picture.titles(family), picture.shapes, row, strict=True
-            )
-        ]
+        picture.panels(row, scale, titles=picture.titles(family))
         for family, row in zip(fields, strains, strict=True)
     ]
     return rows, scale
@@ -397,22 +422,15 @@ def draped(
     Parameters, returned value and exceptions as for `field`; `ValueError` for a ply
     without a tool.
     """
-    if not (options.get("size") or options.get("plotter")):
-        options["size"] = PAGE
-    picture = Picture(results, titles, **options)
-    pairs = zip(picture.results, picture.states, strict=True)
-    pairs_of_fields = [_on_tool(result, at) for result, at in pairs]
+    picture = Picture(results, titles, width=PAGE, **options)
+    on_tools = map(_on_tool, picture.results, picture.states)
+    pressures, at_risk = zip(*on_tools, strict=True)
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
-    pressures = reach([pressure for pressure, _ in pairs_of_fields])
-    scale = Scale.of("Contact pressure (N/mm²)", pressures, DIVERGING, signed=True)
-    rows = []
-    for title, shape, angle, (pressure, at_risk) in zip(
-        picture.titles(), picture.shapes, angles, pairs_of_fields, strict=True
-    ):
-        sheared = Panel(title, shape, angle, shear, marked=at_risk)
-        rows.append([sheared, Panel(title, shape, pressure, scale)])
-    some = any(at_risk.size for _, at_risk in pairs_of_fields)
-    keys = [("Risk of wrinkling", REFUSED)] if some else []
+    limits = reach(pressures)
+    scale = Scale.of("Contact pressure (N/mm²)", limits, DIVERGING, signed=True)
+    sheared = picture.panels(angles, shear, marked=at_risk)
+    rows = [*zip(sheared, picture.panels(pressures, scale), strict=True)]
+    keys = key_of_marks(RISK, sheared)
     return picture.drawn(rows, Legend(0, 1, shear, keys), Legend(1, 2, scale))
 
 
@@ -438,3 +456,134 @@ def stage_of(result: Result, state: State) -> str:
 
 def _moved(result: Result, state: State) -> str:
     return "".join(f", {tool}" for tool in result.tool_motions(state.load_factor))
+
+
+# Dots per inch of a GIF, as on a screen; videos, which are enlarged, have more.
+_DOTS = 150
+
+# Longest duration of a frame, of the motion, and of the last frame in addition, in ms.
+# Chosen by eye.
+_FRAME, _MOTION, _REST = 120, 4000, 1000
+
+# Formats of videos: arguments of ffmpeg for the codec and its quality.  Constant
+# quality, chosen by eye: lines of fibres are sharp.
+_CODECS = {
+    ".webm": ("-c:v", "libvpx-vp9", "-crf", "34", "-b:v", "0", "-cpu-used", "2"),
+    ".mp4": ("-c:v", "libx264", "-crf", "23", "-movflags", "+faststart"),
+}
+
+
+def animation(
+    result: Result,
+    filename: str | os.PathLike[str],
+    field: str | Field = "shear_angle",
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+    fibres: bool = False,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> None:
+    """Write a field on the moving ply, one frame per state on one scale.
+
+    Tools between which a ply is formed are drawn, those in front of it translucent.
+
+    Parameters
+    ----------
+    result
+        Result whose states are drawn.
+    filename
+        Output file: GIF with 6 pixels per mm, or a video (.webm or .mp4) with 12, which
+        requires the program ffmpeg.
+
+    Other parameters and exceptions as for `field`; `FileNotFoundError` also if ffmpeg
+    is not installed, and `RuntimeError` if it fails.
+    """
+    refuse_other_than_result("animation", result)
+    path = picture_path(filename, (".gif", *_CODECS))
+    suffix = path.suffix.lower() or ".gif"
+    if suffix in _CODECS and shutil.which("ffmpeg") is None:
+        raise FileNotFoundError(
+            f"{path}: videos are written by ffmpeg, which is not installed: install "
+            "it, or write a .gif file"
+        )
+    sheets = _sheets(result, field_of(field), cmap, clim, fibres, show_edges)
+    frames = _drawn(sheets, size, PRINTED if suffix in _CODECS else _DOTS)
+    duration = min(_FRAME, _MOTION // len(frames))
+    with atomic_file(path, suffix) as file:
+        if suffix in _CODECS:
+            _write_video(file, frames, duration)
+        else:
+            _write_gif(file, frames, duration)
+
+
+def _sheets(
+    result: Result,
+    field: Field,
+    cmap: Any,
+    clim: Sequence[float] | None,
+    fibres: bool,
+    show_edges: bool | None,
+) -> list[Sheet]:
+    """Content of the frames."""
+    states = result.states
+    shapes = shapes_of([result] * len(states), states, veiled=True)
+    values = [values_of(field, result.ply, state.u) for state in states]
+    scale = scale_of(field, values, cmap, clim)
+    of_ply = fibres_of(result.ply) if fibres else None
+    legend = Legend(0, 1, scale, THREADS if fibres else ())
+    reach = extent(shapes)
+    return [
+        Sheet(
+            [[Panel(stage_of(result, state), shape, each, scale, of_ply)]],
+            *([legend], reach, show_edges),
+        )
+        for state, shape, each in zip(states, shapes, values, strict=True)
+    ]
+
+
+def _drawn(
+    sheets: Sequence[Sheet], size: float | tuple[float, float] | None, dots: float
+) -> list[ndarray]:
+    """Pixels of each sheet, of shape (height, width, 3), drawn in one window."""
+    layouts = [lay_out(sheet, size) for sheet in sheets]
+    renderer, frames = pyvista_drawing(), []
+    plotter = renderer.new_plotter(layouts[0], dots)
+    for sheet, layout in zip(sheets, layouts, strict=True):
+        plotter.clear()
+        renderer.draw_new(plotter, sheet, layout)
+        frames.append(plotter.screenshot(return_img=True))
+    plotter.close()
+    return frames
+
+
+def _write_gif(file: Path, frames: Sequence[ndarray], duration: int) -> None:
+    from PIL import Image
+
+    first, *others = [
+        Image.fromarray(frame).quantize(dither=Image.Dither.NONE) for frame in frames
+    ]
+    durations = [duration] * len(others) + [duration + _REST]
+    first.save(file, save_all=True, append_images=others, duration=durations, loop=0)
+
+
+def _write_video(file: Path, frames: Sequence[ndarray], duration: int) -> None:
+    """Pass the frames to ffmpeg, cut to an even number of pixels, as codecs require."""
+    height, width = (n - n % 2 for n in frames[0].shape[:2])
+    raw = "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"
+    rate = "-r", f"1000/{duration}"
+    exact = "-fflags", "+bitexact", "-flags:v", "+bitexact"
+    codec = *_CODECS[file.suffix], "-pix_fmt", "yuv420p", *exact
+    rest = [frames[-1]] * (_REST // duration)
+    pixels = b"".join(
+        np.ascontiguousarray(frame[:height, :width]).tobytes()
+        for frame in [*frames, *rest]
+    )
+    done = subprocess.run(
+        ["ffmpeg", "-loglevel", "error", "-y", *raw, *rate, "-i", "-", *codec, file],
+        input=pixels,
+        capture_output=True,
+        check=False,
+    )
+    if done.returncode:
+        reason = done.stderr.decode(errors="replace").strip().splitlines() or ["?"]
+        raise RuntimeError(f"{file.name}: ffmpeg failed: {reason[-1]}")

@@ -33,9 +33,6 @@ _FLAT: dict[str, Any] = {"lighting": False, "reset_camera": False, "render": Fal
 # Opacity of tools in front of the ply.  Chosen by eye.
 _VEIL = 0.2
 
-# Colours of a scale.
-_COLOURS = 256
-
 # Width in mm of the line of a key.
 _STROKE = 0.5
 
@@ -190,9 +187,9 @@ def _draw_legend(plotter: pv.Plotter, legend: PlacedLegend, frame: Frame) -> Non
 
 
 def _draw_bar(plotter: pv.Plotter, bar: Bar, frame: Frame) -> None:
-    (x, y, _, height), step = bar.box, bar.box.width / _COLOURS
-    boxes = [Box(x + i * step, y, step, height) for i in range(_COLOURS)]
-    colours = bar.scale.colours(np.linspace(0, 1, _COLOURS))[:, :3]
+    (x, y, width, height), colours = bar.box, bar.colours[:, :3]
+    step = width / len(colours)
+    boxes = [Box(x + i * step, y, step, height) for i in range(len(colours))]
     _draw_flat(plotter, np.array([_corners(box) for box in boxes]), colours, frame)
     for tip, colour in zip(bar.tips, (colours[0], colours[-1]), strict=True):
         if len(tip):

@@ -12,7 +12,7 @@ smaller force.
 
 from collections.abc import Callable
 from functools import partial
-from typing import Literal, TypeAlias, cast, get_args
+from typing import cast
 
 import numpy as np
 from numpy import ndarray
@@ -23,7 +23,7 @@ from ..fabric import Fabric, Law
 from ..fabric.law import mean_slope
 from ..mesh.checks import MeshError
 from ..solve.conditions import Condition
-from .rectangle import given_or_rectangle, misfit
+from .rectangle import given_or_rectangle, misfit, require_edges
 from .scene import Scene, with_parameters
 from .shear_test import Angle, BiasTest, force_of_moments, free_length
 from .trellis import Motion
@@ -31,9 +31,7 @@ from .trellis import Motion
 #: Width of the ply in mm.
 WIDTH = declared.BiasExtension.width
 
-Part: TypeAlias = Literal["whole", "half"]
-
-PARTS: tuple[str, ...] = get_args(Part)
+PARTS = "whole", "half"
 
 
 @with_parameters(declared.BiasExtension)
@@ -226,12 +224,7 @@ def _fixed_sides(share: float) -> tuple[str, ...]:
 
 def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
     """Width and height of the whole ply; an error if the mesh does not fit."""
-    for name in _fixed_sides(share):
-        if name not in mesh.boundaries:
-            raise MeshError(
-                f"bias_extension: the mesh has no straight {name} edge: name a "
-                f"boundary {name!r}"
-            )
+    require_edges("bias_extension", mesh, _fixed_sides(share))
     width, H = np.ptp(mesh.p, axis=1).tolist()
     W = width / share
     if np.abs(mesh.p.min(axis=1)).max() > 1e-6 * H:

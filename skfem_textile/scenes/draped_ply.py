@@ -15,15 +15,24 @@ before draping.
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
+from ..contact.risks import (
+    COARSE,
+    beyond_edges,
+    bridging,
+    contact_pressure,
+    off_triangles,
+    share_of_area,
+    turn_of_normal,
+)
 from ..declarations.scenes import PlyOptions
 from ..fabric import Fabric
 from ..mesh.checks import MeshError
@@ -34,7 +43,7 @@ from ..ply.terms import Load
 from ..solve.conditions import Condition
 from ..solve.on_surface import OnSurface
 from ..solve.quantities import Quantity
-from ..solve.result import Result
+from ..solve.result import Result, components_mm
 from ..surfaces.surface import (
     SAME_AXES,
     Axes,
@@ -45,7 +54,7 @@ from ..surfaces.surface import (
     onto,
 )
 from .edge_tension import AROUND, CELLS, EdgeTension, edge_net
-from .rectangle import flat_ply, in_planes, misfit
+from .rectangle import flat_ply, half_way, in_planes, misfit
 from .scene import Scene, unknown
 
 log = logging.getLogger(__name__)
@@ -167,18 +176,19 @@ def draped_ply(
     ValueError
         See `flat_ply`; also if a whole ply cannot be held on the tool.
     """
-    flat, angles, tension, held = flat_ply(name, mesh, **ply)
+    at_rest = flat_ply(name, mesh, **ply)
+    flat, angles, tension, held = at_rest
     on_tool = OnSurface(surface, stated=axes.of_tool)
 
     laid = _Laid(flat, on_tool, tension, angles, held)
     check(flat, laid.lay)
     held_at = in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
-    c, s = float(np.cos(angles[0])), float(np.sin(angles[0]))
+    warp, weft = at_rest.fibres
     return Scene(
         name=name,
         mesh=flat,
-        warp=(c, s),
-        weft=(-s, c),
+        warp=warp,
+        weft=weft,
         conditions={"tool": on_tool, **held_at},
         driven="tool",
         shear_angle=exact,
@@ -187,7 +197,7 @@ def draped_ply(
         loads_of=laid.edge_tension,
         figures=partial(shear_errors, exact=exact),
         first=_FIRST,
-        measured=partial(_measured, axes=axes, holding={} if held else held_at),
+        measured=partial(measured_on_tool, axes=axes, holding={} if held else held_at),
         misfit=misfit(flat, held) or off_exact(flat.p),
         axes=axes,
         initial_guess=laid.in_net,
@@ -252,11 +262,7 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
     The node nearest to the centre is fixed along x.  The node nearest to the middle of
     the right half of the x axis, and the opposite one on the left, are fixed along y.
     """
-    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
-    if (low >= 0).any() or (high <= 0).any():
-        raise MeshError(
-            f"{name}: the origin must be inside the mesh of a whole ply: move the mesh"
-        )
+    half = half_way(name, mesh)
 
     def nearest(target: ndarray, among: ndarray) -> ndarray:
         if not among.size:
@@ -268,31 +274,25 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
         away = mesh.p[:, among] - target[:, None]
         return among[[np.hypot(*away).argmin()]]
 
-    x, y = np.eye(3)[:2]
     nodes, off = np.arange(mesh.p.shape[1]), _OFF * np.ptp(mesh.p)
     middle = nearest(np.zeros(2), nodes)
     others = nodes[nodes != middle]
-    half = np.array([0.5 * float(high[0]), 0.0])
     right = nearest(half, others[mesh.p[0, others] > off])
     left = nearest(-mesh.p[:, right[0]], others[mesh.p[0, others] < -off])
+    held = {"middle_x": (middle, 0), "turn_left": (left, 1), "turn_right": (right, 1)}
     try:
-        ends = {
-            node: _End(on_tool, mesh.p[:, [node]]) for node in (*middle, *left, *right)
+        return {
+            held_as: Condition(
+                *(node, partial(_End(on_tool, mesh.p[:, node]).along, axis=axis)),
+                direction=np.eye(3)[axis],
+            )
+            for held_as, (node, axis) in held.items()
         }
     except OffSurfaceError as error:
         raise ValueError(
             f"{name}: the ply leaves the tool at {on_tool.place(error.position)}: use "
             "a smaller ply, or another contact point"
         ) from None
-    return {
-        "middle_x": Condition(
-            middle, partial(ends[middle[0]].along, axis=0), direction=x
-        ),
-        "turn_left": Condition(left, partial(ends[left[0]].along, axis=1), direction=y),
-        "turn_right": Condition(
-            right, partial(ends[right[0]].along, axis=1), direction=y
-        ),
-    }
 
 
 class _End:
@@ -318,8 +318,102 @@ class _End:
         return onto(self._on_tool.at("tool", t), x)
 
 
-def _measured(result: Result, **options: Any) -> dict[str, float | str]:
-    """See `measured_on_tool`."""
-    from .on_tool import measured_on_tool
+_NO_NET = (
+    "the edges have no tension and the fibres no bending stiffness: compressed fibres "
+    "buckle in the plane of the ply, and the state differs from the kinematic net"
+)
 
-    return measured_on_tool(result, **options)
+
+def measured_on_tool(
+    result: Result, axes: Axes, holding: Mapping[str, Condition]
+) -> dict[str, float | str]:
+    """Contact point, contact pressures, area fractions of defects, and advice.
+
+    The contact point is in the axes of the tool; ``axes`` are the axes of the ply
+    relative to the tool; ``holding`` are conditions on single nodes that prevent
+    sliding.  Empty for a ply that is not on its tool.
+    """
+    ply, state = result.ply, result.states[-1]
+    u, surface = state.u, result.tool(1.0)
+    if surface is None or result.not_on_tool:
+        return {}
+    pressure = contact_pressure(ply, surface, u, 1.0, state.parameters)
+    turn_deg = np.degrees(turn_of_normal(ply, surface, u))
+    beyond = beyond_edges(ply, surface, u)
+    figures: dict[str, float | str] = {
+        **components_mm("touches_at", axes.origin),
+        "max_contact_pressure_N_per_mm2": float(pressure.max()),
+        "min_contact_pressure_N_per_mm2": float(pressure.min()),
+        "bridging_share_of_area": share_of_area(ply, bridging(ply, u, pressure)),
+        "max_turn_of_normal_deg": float(turn_deg.max()),
+    }
+    if beyond is not None:
+        figures["beyond_tool_share_of_area"] = share_of_area(ply, beyond)
+    if holding:
+        figures["max_holding_force_N"] = _holding_force(result, surface, holding)
+    return figures | _advice(result, surface, pressure, turn_deg, beyond)
+
+
+def _advice(
+    result: Result,
+    surface: Surface,
+    pressure: ndarray,
+    turn: ndarray,
+    beyond: ndarray | None,
+) -> dict[str, str]:
+    """Limitations of the results, and advice.
+
+    From the pressure at nodes, and by element the rotation of the normal in degrees and
+    the mask beyond the edges of the tool.
+    """
+    ply, state, u = result.ply, result.states[-1], result.u
+    advice: dict[str, str] = {}
+    if beyond is not None and beyond.any():
+        advice["beyond_tool"] = (
+            f"{100 * share_of_area(ply, beyond):.3g} % of the ply is beyond the edges "
+            "of the tool or over its holes, where the surface of the tool is "
+            "extrapolated: trim the ply there, or use a smaller ply or a larger tool"
+        )
+    off = off_triangles(ply, surface, u)
+    if off is not None and off.any():
+        advice["off_triangles"] = (
+            f"under {100 * share_of_area(ply, off):.3g} % of the ply the smoothed tool "
+            "deviates from its triangles by more than a tenth of their mean edge: use "
+            "only one side of a shell, and triangles that are nearly equilateral"
+        )
+    if (coarse := turn > COARSE).any():
+        advice["coarse_elements"] = (
+            f"the normal of the tool rotates by up to {turn.max():.0f} degrees over "
+            f"one element, and by more than {COARSE:.0f} degrees under "
+            f"{100 * share_of_area(ply, coarse):.3g} % of the ply. The error of the "
+            "shear angle may reach 3 degrees near edges and fillets of the tool: use "
+            f"elements of {COARSE / turn.max():.0%} of the size there"
+        )
+    if surface.gradient(np.zeros((3, 1)))[2, 0] < 0:
+        advice["faces_away"] = (
+            "the tool faces down at the contact point of the ply, so that pressures "
+            "have the opposite sign if the ply lies above it: in this case reverse the "
+            "triangles of the tool"
+        )
+    elif (pressure < 0).all():
+        advice["faces_away"] = (
+            "the contact pressure is tensile everywhere: reverse the triangles of the "
+            "tool if the ply lies on its other side"
+        )
+    load = ply.load(u, state.load_factor, state.parameters)
+    if not (any(map(np.any, ply.fabric.bending)) or load.any()):
+        advice["not_the_net"] = _NO_NET
+    return advice
+
+
+def _holding_force(
+    result: Result, surface: Surface, holding: Mapping[str, Condition]
+) -> float:
+    """Largest force along the tool of a node that prevents the ply from sliding."""
+    state, ply = result.states[-1], result.ply
+    forces = np.array([state.reactions[name] for name in holding]).T
+    nodes = [at.nodes(name, ply.basis)[0] for name, at in holding.items()]
+    x = ply.positions(state.u)[:, nodes]
+    normal = surface.gradient(x) / np.linalg.norm(surface.gradient(x), axis=0)
+    along = forces - (forces * normal).sum(axis=0) * normal
+    return float(np.linalg.norm(along, axis=0).max())

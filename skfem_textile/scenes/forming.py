@@ -34,7 +34,7 @@ from ..solve.result import Result
 from ..surfaces.analytic import Die, Height, HeightField, Plane, Punch, positive_length
 from ..surfaces.analytic import double_dome as dome
 from ..surfaces.surface import SAME_AXES, Axes, Surface
-from .rectangle import flat_ply, free_edges, in_planes
+from .rectangle import flat_ply, free_edges, half_way, in_planes
 from .scene import Scene, with_parameters
 
 if TYPE_CHECKING:
@@ -114,14 +114,15 @@ def formed_ply(
         If the mesh is not valid or does not fit, or a number is not.
     """
     options = declared.Formed(**ply).ply()
-    flat, angles, tension, held = flat_ply(name, mesh, **options)
+    at_rest = flat_ply(name, mesh, **options)
+    flat, _, tension, held = at_rest
     held_at = in_planes(name, flat) if held else _at_centre(name, flat, not tension)
-    c, s = float(np.cos(angles[0])), float(np.sin(angles[0]))
+    warp, weft = at_rest.fibres
     return Scene(
         name=name,
         mesh=flat,
-        warp=(c, s),
-        weft=(-s, c),
+        warp=warp,
+        weft=weft,
         conditions=held_at,
         driven=tools[0].name if tools else "",
         dimension=3,
@@ -170,15 +171,10 @@ def _press_tools(
 
 def _at_centre(name: str, mesh: Mesh, turns: bool) -> dict[str, Condition]:
     """Conditions of a whole ply against motions in its plane."""
-    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
-    if (low >= 0).any() or (high <= 0).any():
-        raise MeshError(
-            f"{name}: the origin must be inside the mesh of a whole ply: move the mesh"
-        )
+    half = half_way(name, mesh)
     centre = int(np.hypot(*mesh.p).argmin())
     held = {"centre": Condition([centre], (0.0, 0.0, None))}
     if turns:
-        half = 0.5 * np.array([float(high[0]), 0.0])
         away = np.hypot(*(mesh.p - half[:, None]))
         away[centre] = np.inf
         held["turn"] = Condition([int(away.argmin())], (None, 0.0, None))
@@ -245,7 +241,8 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     punch = Punch(radius, (0.0, 0.0, -radius - middle))
     hole = radius + positive_length(f"{name}: clearance", given.clearance)
     die = Die(hole, given.fillet, (0.0, 0.0, middle))
-    tools = _press_tools(name, punch, die, _upwards(name, given.travel), gap)
+    travel = positive_length(f"{name}: travel", given.travel)
+    tools = _press_tools(name, punch, die, travel, gap)
     return formed_ply(name, tools, given.mesh, **given.ply())
 
 
@@ -276,7 +273,7 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
     name = "double_dome_forming"
     height, length, width = 60.0, 180.0, 75.0
     middle, travel = 0.5 * _gap(name, given.gap), given.travel
-    if _upwards(name, travel) > height:
+    if positive_length(f"{name}: travel", travel) > height:
         raise ValueError(
             f"{name}: the travel must be at most the height of the dome, {height:g} "
             f"mm, got {travel:g} mm"
@@ -415,7 +412,3 @@ def _gap(name: str, gap: float) -> float:
             f"{name}: the holder gap must be a length of at least 0 mm, got {gap!r}"
         )
     return float(number)
-
-
-def _upwards(name: str, travel: float) -> float:
-    return positive_length(f"{name}: travel", travel)

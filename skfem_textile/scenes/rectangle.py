@@ -1,7 +1,7 @@
 """Meshes of a rectangle, and flat plies with their planes of symmetry."""
 
 from collections.abc import Iterable
-from typing import Literal, NamedTuple, TypeAlias, Unpack, get_args
+from typing import NamedTuple, Unpack
 
 import numpy as np
 from numpy import ndarray
@@ -12,9 +12,7 @@ from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..mesh.selection import named_nodes
 from ..solve.conditions import Condition
 
-Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
-
-KINDS: tuple[str, ...] = get_args(Kind)
+KINDS = "aligned", "irregular", "horizontal", "vertical", "delaunay"
 
 # Tolerances of angles in radians, and of lengths relative to the rectangle.
 _OFF = 1e-6
@@ -124,6 +122,17 @@ def given_or_rectangle(
     return rectangle(width, height, *grid, *fibres)
 
 
+def require_edges(
+    name: str, mesh: Mesh, sides: Iterable[str], what: str = "the mesh"
+) -> None:
+    """Refuse a mesh of a scene without straight edges of these names."""
+    for side in sides:
+        if side not in mesh.boundaries:
+            raise MeshError(
+                f"{name}: {what} has no straight {side} edge: name a boundary {side!r}"
+            )
+
+
 def misfit(mesh: Mesh, sides: Iterable[str]) -> str:
     """Reason why a mesh does not fill its bounding rectangle; empty if it does.
 
@@ -194,6 +203,12 @@ class FlatPly(NamedTuple):
     tension: float
     held: tuple[str, ...]
 
+    @property
+    def fibres(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Directions of warp and weft."""
+        c, s = float(np.cos(self.angles[0])), float(np.sin(self.angles[0]))
+        return (c, s), (-s, c)
+
 
 def flat_ply(
     name: str,
@@ -257,18 +272,29 @@ def in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
     MeshError
         If the mesh has no edges there.
     """
-    for side in _SYMMETRY:
-        if side not in mesh.boundaries:
-            raise MeshError(
-                f"{name}: the mesh of a quarter has no straight {side} edge: name a "
-                f"boundary {side!r}"
-            )
+    require_edges(name, mesh, _SYMMETRY, "the mesh of a quarter")
     if np.abs(mesh.p.min(axis=1)).max() > _OFF * np.ptp(mesh.p):
         raise MeshError(
             f"{name}: the lower left corner of the mesh of a quarter must be at the "
             "origin: for a whole ply set part to 'whole'"
         )
     return {side: Condition(side, value) for side, value in _SYMMETRY.items()}
+
+
+def half_way(name: str, mesh: Mesh) -> ndarray:
+    """Point of the x axis halfway between the origin and the end of a whole ply.
+
+    Raises
+    ------
+    MeshError
+        If the origin is not inside the mesh.
+    """
+    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
+    if (low >= 0).any() or (high <= 0).any():
+        raise MeshError(
+            f"{name}: the origin must be inside the mesh of a whole ply: move the mesh"
+        )
+    return np.array([0.5 * float(high[0]), 0.0])
 
 
 def free_edges(mesh: Mesh, held: tuple[str, ...]) -> ndarray:

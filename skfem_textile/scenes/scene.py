@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from ..contact import Holder, Tool
     from ..mesh.selection import FibreEnd
     from ..outlines import Outline
-    from ..ply import Ply
-    from ..ply.terms import Load
     from .shear_test import BiasTest, FrameTest
 
 ExactField = Callable[[ndarray, float], ndarray]
@@ -533,9 +531,8 @@ class Case:
         """Summary as `Scene.summary`; with further loads there is no exact solution."""
         scene = self.scene
         if self.loads:
-            scene = replace(
-                scene, misfit=("forces act in addition to the conditions of the scene")
-            )
+            misfit = "forces act in addition to the conditions of the scene"
+            scene = replace(scene, misfit=misfit)
         summary = scene.summary(result)
         if not self.defaults:
             return summary

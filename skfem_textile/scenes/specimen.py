@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
-from numpy import ndarray
 from skfem import Mesh
 
 from ..declarations import scenes as declared
@@ -86,8 +85,6 @@ def specimen(given: declared.Specimen) -> Scene:
         weft=(float(np.cos(weft)), float(np.sin(weft))),
         conditions=conditions,
         driven=_driven(moves, conditions, given.driven),
-        displacement=_unknown_displacement,
-        shear_angle=_unknown_shear_angle,
         misfit="the displacements are user-defined",
         shear_test=_bias_test(mesh, warp, weft, dict(moves)),
     )
@@ -173,11 +170,3 @@ def _spans(mesh: Mesh, name: str, width: float) -> bool:
     edges = (mesh.boundaries or {}).get(name, ())
     x = mesh.p[0, mesh.facets[:, edges]]
     return x.size > 0 and bool(np.ptp(x) > (1 - _OFF) * width)
-
-
-def _unknown_displacement(X: ndarray, t: float) -> ndarray:
-    return np.full(X.shape, np.nan)
-
-
-def _unknown_shear_angle(X: ndarray, t: float) -> ndarray:
-    return np.full(X.shape[1], np.nan)

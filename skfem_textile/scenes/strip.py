@@ -13,7 +13,7 @@ from skfem import Mesh
 from ..declarations import scenes as declared
 from ..mesh.checks import MeshError
 from ..solve.conditions import Condition
-from .rectangle import given_or_rectangle, misfit
+from .rectangle import given_or_rectangle, misfit, require_edges
 from .scene import Scene, with_parameters
 
 WIDTH, HEIGHT, RADIUS = 40.0, 60.0, 55.0
@@ -75,11 +75,7 @@ def shear_angle(X: ndarray, t: float) -> ndarray:
 
 def _refuse_misfit(mesh: Mesh) -> None:
     """Refuse a mesh that does not fit the scene."""
-    for name in ("bottom", "right"):
-        if name not in mesh.boundaries:
-            raise MeshError(
-                f"strip: the mesh has no straight {name} edge: name a boundary {name!r}"
-            )
+    require_edges("strip", mesh, ("bottom", "right"))
     bottom = mesh.p[1, mesh.facets[:, mesh.boundaries["bottom"]]]
     if np.abs(bottom).max() > 1e-6 * np.ptp(mesh.p[1]):
         raise MeshError("strip: the bottom edge of the mesh must lie on y = 0")

@@ -3,47 +3,18 @@
 from functools import partial
 
 import numpy as np
-from skfem import Mesh
 
 from ..declarations import scenes as declared
-from ..declarations.scenes import OnRectangle
-from ..mesh.checks import MeshError
 from ..ply.loads import BodyForce
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
 from ..solve.result import Result
 from .elastica import buckled, hanging, peirce
-from .rectangle import given_or_rectangle, misfit
+from .rectangle import given_or_rectangle, misfit, require_edges
 from .scene import Scene, with_parameters
 
 #: Names of the ends of a strip.
 ENDS = ("left", "right")
-
-
-def strip_with_ends(name: str, given: OnRectangle, length: float) -> Mesh:
-    """Mesh of a strip with ends named ``left`` and ``right``.
-
-    Parameters
-    ----------
-    name
-        Name of the scene, for error messages.
-    given
-        Parameters of the scene.
-    length
-        Length of a generated mesh in mm.
-
-    Raises
-    ------
-    ValueError
-        If the mesh is not valid, or an end is not straight.
-    """
-    mesh = given_or_rectangle(given, length, WIDTH)
-    for end in ENDS:
-        if end not in mesh.boundaries:
-            raise MeshError(
-                f"{name}: the mesh has no straight {end} edge: name a boundary {end!r}"
-            )
-    return mesh
 
 
 # Figures of a cantilever that are printed first.
@@ -83,7 +54,8 @@ def cantilever(given: declared.Cantilever) -> Scene:
     for name, number in (("length", given.length), ("weight", weight)):
         if not 0 < number < np.inf:
             raise ValueError(f"the {name} must be positive, got {number:g}")
-    mesh = strip_with_ends("cantilever", given, given.length)
+    mesh = given_or_rectangle(given, given.length, WIDTH)
+    require_edges("cantilever", mesh, ENDS)
     overhang = float(np.ptp(mesh.p[0]))
     return Scene(
         name="cantilever",
@@ -174,7 +146,8 @@ def buckling(given: declared.Buckling) -> Scene:
         raise ValueError(f"the shortening must be between 0 and 1, got {shortening:g}")
     if not np.isfinite(push):
         raise ValueError(f"the push must be a finite number, got {push:g} N/mm2")
-    mesh = strip_with_ends("buckling", given, 100.0)
+    mesh = given_or_rectangle(given, 100.0, WIDTH)
+    require_edges("buckling", mesh, ENDS)
     length, width = np.ptp(mesh.p, axis=1).tolist()
     return Scene(
         name="buckling",

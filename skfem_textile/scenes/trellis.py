@@ -19,10 +19,9 @@ from skfem import Mesh
 
 from ..declarations import scenes as declared
 from ..declarations.scenes import Edge, Turn
-from ..mesh.checks import MeshError
 from ..mesh.scikit_fem import with_names
 from ..solve.conditions import Condition
-from .rectangle import given_or_rectangle
+from .rectangle import given_or_rectangle, require_edges
 from .scene import Scene, with_parameters
 from .shear_test import FrameTest
 
@@ -75,10 +74,7 @@ def trellis(given: declared.Trellis) -> Scene:
     """
     warp, weft, edges = given.warp, given.weft, given.edges or {}
     mesh = given_or_rectangle(given, SIDE, SIDE, warp, weft)
-    if "top" not in mesh.boundaries:
-        raise MeshError(
-            "trellis: the mesh has no straight top edge: name a boundary 'top'"
-        )
+    require_edges("trellis", mesh, ("top",))
     motion = Motion((warp, weft), given.turns or sheared(np.pi / 4, np.pi / 6))
     motion.check(mesh.p)
     mesh = _with_held(mesh, edges)
@@ -124,11 +120,7 @@ def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
                 f"trellis: the {side} side must be 'held', 'free' or the finite "
                 f"inclination of a roller in radians, got {edge!r}"
             )
-        if side not in mesh.boundaries:
-            raise MeshError(
-                f"trellis: the mesh has no straight {side} edge: name a boundary "
-                f"{side!r}"
-            )
+        require_edges("trellis", mesh, (side,))
         if edge != "held":
             held = np.setdiff1d(held, mesh.boundaries[side])
     if held.size == 0:

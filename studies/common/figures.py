@@ -41,22 +41,17 @@ def figure_of(size: tuple[float, float], file: File, font_size: int) -> Iterator
         As from `picture_path`, and if text is too small on a page, before anything is
         drawn.
     """
-    from matplotlib.figure import Figure
-
+    from skfem_textile.plot.drawing import new_figure
     from skfem_textile.plot.layout import NUMBER
-    from skfem_textile.plot.picture_files import picture_path, save
-    from skfem_textile.plot.style import figure_style
 
-    path = None if file is None else picture_path(file)
     printed = font_size * min(1.0, PAGE / size[0])
     if printed < NUMBER:
         raise ValueError(
             f"text of {printed:.1f} pt on a page: at least {NUMBER:g} pt is required"
         )
-    with figure_style(font_size):
-        figure = Figure(figsize=size, layout="constrained")
+    with new_figure(file, font_size) as figure:
+        figure.set_size_inches(size)
         yield figure
-        save(figure, path)
 
 
 @contextmanager

@@ -37,7 +37,7 @@ from skfem_textile.contact import (
     turn_on_tool,
 )
 from skfem_textile.contact.figures import mirror_images
-from skfem_textile.io.forming import fields_between_tools
+from skfem_textile.io.results import fields_between_tools
 
 R = 50.0
 FORMULATIONS = [Macro(), OnePoint(), Full(), Quadratic()]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from skfem_textile.cases import case_from_file, case_from_tables, declared
-from skfem_textile.cases.rows import Rows
+from skfem_textile.cases.tools import between_rows
 from skfem_textile.cases.write import case_text, reference
 from skfem_textile.contact import Holder
 from skfem_textile.drape import Die
@@ -176,5 +176,5 @@ def test_every_surface_is_in_the_reference():
 
 
 def test_rows_are_interpolated():
-    rows = Rows("x", [(0.0, 1.0), (0.25, 3.0), (1.0, 0.0)])
+    rows = between_rows("x", [(0.0, 1.0), (0.25, 3.0), (1.0, 0.0)])
     assert [rows(t) for t in (0.0, 0.125, 0.25, 1.0)] == [1.0, 2.0, 3.0, 0.0]

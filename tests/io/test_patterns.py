@@ -7,8 +7,10 @@ from types import SimpleNamespace
 import meshio
 import numpy as np
 
+from skfem_textile import contact
 from skfem_textile.drape import Axes, FlatPattern
-from skfem_textile.io import forming, write_pattern
+from skfem_textile.io import write_pattern
+from skfem_textile.io.results import write_tools
 from skfem_textile.nets.flat_pattern import SeamLine
 
 OUTLINE = np.array([[0.0, 40.0, 40.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
@@ -56,11 +58,11 @@ def test_tools_of_a_state_are_in_one_file_with_their_numbers(tmp_path, monkeypat
     ]
     names = [SimpleNamespace(name=name) for name in ("die", "punch")]
     states = [SimpleNamespace(load_factor=x) for x in (0.0, 1.0)]
-    monkeypatch.setattr(forming, "contacts", lambda ply: names)
-    monkeypatch.setattr(forming, "box_of", lambda *_: ())
-    monkeypatch.setattr(forming, "placed_tools", lambda *_: [[], tools])
+    monkeypatch.setattr(contact, "contacts", lambda ply: names)
+    monkeypatch.setattr(contact, "box_of", lambda *_: ())
+    monkeypatch.setattr(contact, "placed_tools", lambda *_: [[], tools])
     result = SimpleNamespace(ply=None, states=states)
-    forming.write_tools(result, tmp_path, Axes())
+    write_tools(result, tmp_path, Axes())
     assert {path.name for path in tmp_path.iterdir()} == {"tools.pvd", "tools_0001.vtu"}
     assert 'timestep="1.0"' in (tmp_path / "tools.pvd").read_text()
     read = meshio.read(tmp_path / "tools_0001.vtu")

@@ -13,7 +13,7 @@ from skfem_textile.mesh import requirements
 
 pv = pytest.importorskip("pyvista")
 plot = pytest.importorskip("skfem_textile.plot")
-motion = pytest.importorskip("skfem_textile.plot.motion")
+pictures = pytest.importorskip("skfem_textile.plot.pictures")
 offscreen = pytest.importorskip("skfem_textile.plot.pyvista_drawing")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
 
@@ -201,7 +201,7 @@ def test_a_missing_ffmpeg_is_named_before_anything_is_drawn(
     result, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(motion, "_sheets", None)
+    monkeypatch.setattr(pictures, "_sheets", None)
     with pytest.raises(FileNotFoundError, match="ffmpeg, which is not installed") as no:
         plot.animation(result, tmp_path / "x.webm")
     assert "\n" not in str(no.value)

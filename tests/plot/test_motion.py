@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
-motion = pytest.importorskip("skfem_textile.plot.motion")
+pictures = pytest.importorskip("skfem_textile.plot.pictures")
 sheet = pytest.importorskip("skfem_textile.plot.sheet")
 
 SIZE = 41  # mm: an odd number of pixels, which codecs refuse
@@ -62,7 +62,7 @@ def test_ffmpeg_writes_the_codec_of_the_suffix(result, tmp_path, suffix, codec):
 
 def test_the_reason_of_ffmpeg_is_the_error(result, tmp_path, recorded, monkeypatch):
     pixels = [np.zeros((8, 8, 3), np.uint8)]
-    monkeypatch.setattr(motion, "_drawn", lambda *_: pixels)
+    monkeypatch.setattr(pictures, "_drawn", lambda *_: pixels)
     recorded('cat > /dev/null; echo "Unknown encoder" >&2; exit 1')
     with pytest.raises(RuntimeError, match=r"ffmpeg failed: Unknown encoder$"):
         plot.animation(result, tmp_path / "x.webm", size=SIZE)
@@ -72,7 +72,7 @@ def test_the_reason_of_ffmpeg_is_the_error(result, tmp_path, recorded, monkeypat
 @pytest.mark.parametrize(("states", "duration"), [(5, 120), (50, 80)])
 def test_many_states_are_shown_faster(result, tmp_path, states, duration, monkeypatch):
     pixels = [np.full((8, 8, 3), i, np.uint8) for i in range(states)]
-    monkeypatch.setattr(motion, "_drawn", lambda *_: pixels)
+    monkeypatch.setattr(pictures, "_drawn", lambda *_: pixels)
     many = replace(result, states=(10 * result.states)[:states])
     plot.animation(many, tmp_path / "x.gif")
     with Image.open(tmp_path / "x.gif") as moving:
