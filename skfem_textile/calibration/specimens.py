@@ -27,7 +27,7 @@ APART = float(np.radians(2.0))
 # Rows of the running median of this difference, so that noise does not count as slip.
 _SMOOTH = 5
 
-#: Rounding tolerance of the end of the range.
+#: Rounding tolerance of the ends of the range.
 ROUNDING = 1e-9
 
 #: Share of the largest angle of a test, or of the pole of a law, above which forces are
@@ -201,7 +201,8 @@ class Specimen(MeasuredTest):
     def used(self, up_to: float | None) -> ndarray:
         """Mask of the fitted points: from 0 to `last_angle`, shape (n,)."""
         with np.errstate(invalid="ignore"):
-            return (self.angle >= 0) & (self.angle <= self.last_angle(up_to))
+            at_rest_or_beyond = self.angle >= -ROUNDING
+            return at_rest_or_beyond & (self.angle <= self.last_angle(up_to))
 
     @property
     def driven(self) -> ndarray:
