@@ -71,6 +71,11 @@ class CantileverTest(MeasuredTest):
                 f"the weight must be a positive number, got {self.weight:g} N/mm2"
             )
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """See `MeasuredTest.parts`."""
+        return (f"bending {self.family}",)
+
     @cached_property
     def by_elastica(self) -> ndarray:
         """Bending stiffness in N·mm of each reading, (n,)."""

@@ -8,7 +8,7 @@ represents.
 import numpy as np
 from numpy import ndarray
 
-from .preparing.prepare import FIRST
+from .preparing import FIRST
 from .specimens import APART, Specimen
 
 # Initial range of a curve: its share of the whole range, the minimum number of points,

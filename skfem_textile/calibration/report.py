@@ -13,16 +13,16 @@ from ..scenes.shear_test import BiasExtension, PictureFrame
 from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
-from .biaxial import BiaxialCurve
 from .choice import Test, reach
 from .curves import beginning_notes, departure_notes, rest_notes
 from .measured import FAMILIES
-from .preparing.outliers import wild
+from .outliers import wild
 from .specimens import APART, Specimen
+from .tensile import BiaxialCurve
 
 if TYPE_CHECKING:
     from .fitting import FabricFit
-    from .strip import Strip
+    from .tensile import Strip
     from .validation import Validation
 
 

@@ -12,9 +12,8 @@ from numpy import ndarray
 from ..fabric import Polynomial
 from ..scenes.shear_test import ShearTest
 from .measured import MeasuredTest, beyond_slack, slack_range
-from .preparing import Preparation, prepare
-from .preparing.branches import REVERSAL
-from .preparing.outliers import running_median
+from .outliers import running_median
+from .preparing import REVERSAL, Preparation, prepare
 from .reading import Format, read_recordings
 
 #: Shear angle in radians up to which the theoretical one of a test that does not impose
@@ -91,6 +90,11 @@ class Specimen(MeasuredTest):
     zeros: Zeros = Zeros()
     assumed_slack: float | None = None
     range_end: float | None = None
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """See `MeasuredTest.parts`."""
+        return ("shear",)
 
     @property
     def assumes_slack(self) -> bool:

@@ -17,12 +17,12 @@ from ..calibration.tests_file import READERS, read_tests
 from ..calibration.validation import Validation, refuse_others, validate
 from ..fabric import Fabric
 from ..fabric.files import write_law
+from ..mesh.progress import shown
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension
 from .fit_report import REPORT, Reported, pictures_of, write_fit_page
 from .interruption import held
 from .output import say
-from .progress import shown
 from .result_folder import ResultFolder
 
 # Notes on properties that no test has determined.
@@ -61,7 +61,7 @@ def run(options: Namespace) -> int:
     """Fit laws to the data files and write them; returns the exit code."""
     from .. import io
 
-    with shown("fitting"):
+    with shown("fitting", printed=True):
         tests = _tests(options)
         base = _base_fabric(options, tests)
         held_out = _held_out(options, tests)

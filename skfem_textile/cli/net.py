@@ -10,6 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.graph import boundary_edges
+from ..mesh.progress import log_to_stderr, shown
 from ..mesh.user_input import coords, printable
 from .interruption import held
 from .net_report import (
@@ -23,7 +24,6 @@ from .net_report import (
 )
 from .output import STOPPED_EARLY, complain, say
 from .page import rows, say_rows, sources, write_page
-from .progress import log_to_stderr, shown
 from .result_folder import ResultFolder
 from .results import PATTERN, write_patterns
 
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     _refuse_combinations(options)
     began = perf_counter()
     log_to_stderr(0)
-    with shown("laying the net"):
+    with shown("laying the net", printed=True):
         part = _laid(options)
         fibres = _fibres(part)
         cells, cover = Cells.of(part), Cover.of(part, fibres)
