@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import __version__
+from .. import __version__, io
 from ..calibration import report
 from ..calibration.choice import Choice, Test
 from ..calibration.fitting import FabricFit, fit_tests
@@ -59,8 +59,6 @@ _FILES = "summary.json", "fabric.json", REPORT, _ONE_LAW, *_LAWS.values()
 
 def run(options: Namespace) -> int:
     """Fit laws to the data files and write them; returns the exit code."""
-    from .. import io
-
     with shown("fitting", printed=True):
         tests = _tests(options)
         base = _base_fabric(options, tests)
@@ -191,12 +189,10 @@ def _add_missing(
 
 def _base_fabric(options: Namespace, tests: Sequence[Test]) -> Fabric:
     """Fabric of --fabric, or a plain one with the directions of the first test."""
-    from ..io import read_fabric
-
     stiffness = getattr(options, "fibre_stiffness", None)
     specimens = [one for one in tests if isinstance(one, Specimen)]
     if options.fabric is not None:
-        base = read_fabric(options.fabric).fabric
+        base = io.read_fabric(options.fabric).fabric
     elif not specimens:
         base = Fabric()
     else:

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import msgspec
 import numpy as np
 
-from .. import __version__
+from .. import __version__, io
 from ..cases.build import built
 from ..cases.read import CaseFileError, declared, default_laws, read_tables
 from ..cases.schema import CaseFile
@@ -69,8 +69,6 @@ def run(options: argparse.Namespace) -> int:
 @np.errstate(over="ignore", invalid="ignore")  # results that are not finite are refused
 def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> int:
     """Run the case of tables with files in a folder; returns the exit code."""
-    from .. import io
-
     file = declared(tables, base)
     if options.no_render:
         file = msgspec.structs.replace(
@@ -218,8 +216,6 @@ def _write_again(
     summary: Mapping[str, Any], curve: Curve, options: argparse.Namespace
 ) -> None:
     """Replace summary and curve without an error interval, if possible."""
-    from .. import io
-
     try:
         with held(), ResultFolder(options.out, ("summary.json", CURVE)) as folder:
             io.write_summary(summary, folder / "summary.json")
