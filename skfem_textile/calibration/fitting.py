@@ -31,7 +31,7 @@ from .curves import beginning_notes
 from .measured import FAMILIES, families_of
 from .regression import JointFit, fit
 from .selection import Candidate, compared, reason_against, with_best, without
-from .simulation import SimulatedTest, Simulation, simulated
+from .simulation import SimulatedTest, Simulation, simulated, tension_of
 from .solving import Laws
 from .specimens import Specimen, Zeros
 from .tensile import BiaxialCurve, Strip
@@ -76,11 +76,7 @@ class FabricFit:
     def fabric(self, base: Fabric, laws: Laws | None = None) -> Fabric:
         """A fabric whose laws are replaced by the fitted ones, or by laws by part."""
         laws, (warp, weft) = self.laws if laws is None else laws, base.bending
-        tension: Any = base.tension
-        if "both" in laws:
-            tension = laws["both"]
-        elif {*FAMILIES} & set(laws):
-            tension = tuple(laws.get(f.name, f.tension) for f in base.families)
+        tension = tension_of(laws, base)
         bending = (
             laws["bending warp"].stiffness if "bending warp" in laws else warp,
             laws["bending weft"].stiffness if "bending weft" in laws else weft,

@@ -34,6 +34,13 @@ FIBRES = 1e5
 _JITTER = 0.25
 
 
+def tension_of(laws: Laws, base: Fabric) -> Any:
+    """Tension of a fabric with laws by part, and of a base for missing ones."""
+    if {"warp", "weft"} & set(laws):
+        return tuple(laws.get(one.name, one.tension) for one in base.families)
+    return laws.get("both", base.tension)
+
+
 class Simulated(NamedTuple):
     """Theoretical shear angles and forces of a simulated test, from 0 on, shape (n,).
 
@@ -86,13 +93,7 @@ class Simulation:
 
     def fabric(self, laws: Laws) -> Fabric:
         """Fabric of laws by part, with the tension of the settings for missing ones."""
-        tension: Any = self.tension
-        if "both" in laws:
-            tension = laws["both"]
-        elif {"warp", "weft"} & set(laws):
-            known = Fabric(self.tension).families
-            tension = tuple(laws.get(family.name, family.tension) for family in known)
-        law = laws["shear"]
+        law, tension = laws["shear"], tension_of(laws, Fabric(self.tension))
         if isinstance(law, Tabulated):  # some elements shear more than the middle
             law = law.extrapolated
         return Fabric(tension, law)
