@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy  # whose modules are imported on first use
 from numpy import ndarray
 
 from ..fabric import Fabric, Law, Tabulated
@@ -222,9 +223,9 @@ class SimulatedTest:
 
 def _through(angles: ndarray, values: ndarray) -> Callable[[ndarray], ndarray]:
     """Smooth function with the values at the angles; at rest with the first one."""
-    from scipy.interpolate import PchipInterpolator  # imported only if needed
-
-    return PchipInterpolator(angles, np.concatenate([values[:1], values]))
+    return scipy.interpolate.PchipInterpolator(
+        angles, np.concatenate([values[:1], values])
+    )
 
 
 def simulated(

@@ -19,19 +19,29 @@ class Command(NamedTuple):
     about
         Its help text.
     module
-        Module of this package with ``run(options)``, which returns the exit code.
+        Module of this package.
+    function
+        Function of the module that runs the command: of the options, returns the exit
+        code.
     epilog
         End of its help.
     """
 
     about: str
     module: str
+    function: str = "run"
     epilog: str = ""
 
 
+_NET_EXIT_CODES = (
+    "exit code: 0 if there is a flat pattern of the whole part; 1 if there is none, or "
+    "none with darts, or courses leave a part of the tool uncovered (all other results "
+    "are written); 2 for invalid input; 130 if interrupted"
+)
+
 #: Commands by name. A module is imported only for a command that is given.
 COMMANDS = {
-    "list": Command("list the scenes", "listing"),
+    "list": Command("list the scenes", "scenes", "list_scenes"),
     "show": Command(
         "draw a mesh and its fibres, and write the directions to files", "show"
     ),
@@ -39,7 +49,9 @@ COMMANDS = {
         "run a scene or a case file and write its results to a folder", "run"
     ),
     "fit": Command("identify laws of a fabric from tests", "fit"),
-    "init": Command("write a commented case file as a starting point", "init"),
+    "init": Command(
+        "write a commented case file as a starting point", "scenes", "write_case"
+    ),
     "report": Command(
         "write report.html, one page with all results, into the results folder of a "
         "run",
@@ -48,9 +60,7 @@ COMMANDS = {
     "net": Command(
         "lay a kinematic net on a tool: shear angles, fibres and flat pattern",
         "net",
-        "exit code: 0 if there is a flat pattern of the whole part; 1 if there is "
-        "none, or none with darts, or courses leave a part of the tool uncovered (all "
-        "other results are written); 2 for invalid input; 130 if interrupted",
+        epilog=_NET_EXIT_CODES,
     ),
 }
 
@@ -96,9 +106,10 @@ def _run(arguments: Sequence[str]) -> int:
     """Import the command that is given, and run it."""
     try:
         options = command_parser(arguments).parse_args(arguments)
-        command = import_module(f".{COMMANDS[options.command].module}", __package__)
+        command = COMMANDS[options.command]
+        module = import_module(f".{command.module}", __package__)
         with raised():
-            return int(command.run(options))
+            return int(getattr(module, command.function)(options))
     finally:
         say("", end="")  # flushes what argparse printed
 
