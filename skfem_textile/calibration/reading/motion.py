@@ -1,13 +1,19 @@
 """Motion and force of the tables of a file: segments of one test, noise, directions."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy import ndarray
 
-from .quantities import SPECIMENS
+from .quantities import FORCES, SPECIMENS
+
+#: Driving quantities of a biaxial test.
+STRAINS = "warp strain", "weft strain"
+
+#: Driving quantities, one of which a shear or tensile test requires.
+DRIVING = "displacement", "shear angle", "strain"
 
 # Share of the motion below which a difference is none: of a beginning from rest.
 _NONE = 0.06
@@ -45,6 +51,24 @@ class Segment:
     moved: ndarray
     others: Mapping[int, ndarray] = field(default_factory=dict)
     label: str = ""
+
+
+def moved_in(columns: Mapping[str, ndarray]) -> ndarray:
+    """Driving quantity in the rows with numbers; empty if there is none."""
+    names = [name for name in DRIVING if name in columns]
+    for name in names[:1] or largest(STRAINS, columns):
+        return columns[name][np.isfinite(columns[name])]
+    return np.zeros(0)
+
+
+def largest(names: Iterable[str], columns: Mapping[str, ndarray]) -> list[str]:
+    """The one of some columns with the largest range, if there is one."""
+    ranges = {
+        name: float(np.ptp(known)) if (known := x[np.isfinite(x)]).size else 0.0
+        for name in names
+        if (x := columns.get(name)) is not None
+    }
+    return [max(ranges, key=lambda name: ranges[name])] if ranges else []
 
 
 def label_of(titles: Sequence[Sequence[str]]) -> str:
@@ -163,7 +187,36 @@ def _share(values: ndarray, smooth: ndarray) -> float:
     return 1 - float(np.sum((values - smooth) ** 2)) / total if total else 0.0
 
 
-def points_down(force: ndarray) -> bool:
+def turned_columns(
+    columns: Mapping[str, ndarray], known: Collection[str]
+) -> dict[str, ndarray]:
+    """Columns of which the sign must be turned, with this sign.
+
+    A force has the sign of its large values.  A displacement is turned if large
+    forces are at small displacements.
+
+    Parameters
+    ----------
+    columns
+        Columns by quantity.
+    known
+        Quantities of which the sign is given.
+    """
+    turned = {
+        name: -columns[name]
+        for name in FORCES
+        if name in columns and name not in known and _points_down(columns[name])
+    }
+    moved, force = (
+        turned.get(name, columns.get(name)) for name in ("displacement", "force")
+    )
+    free = "displacement" not in known
+    if free and force is not None and moved is not None and _opposed(moved, force):
+        turned["displacement"] = -moved
+    return turned
+
+
+def _points_down(force: ndarray) -> bool:
     """True if forces of large magnitude are negative."""
     known = force[np.isfinite(force)]
     if not known.size:
@@ -172,7 +225,7 @@ def points_down(force: ndarray) -> bool:
     return bool(np.median(known[large]) < 0)
 
 
-def opposed(moved: ndarray, force: ndarray) -> bool:
+def _opposed(moved: ndarray, force: ndarray) -> bool:
     """True if displacements of large forces are smaller than at small ones.
 
     Small forces before the large ones decide; later ones may follow a break.

@@ -5,7 +5,7 @@ overrules each decision.  A file that allows two readings is refused with both.
 """
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import zip_longest
@@ -27,6 +27,8 @@ from .layout import (
     separator_of,
 )
 from .motion import (
+    DRIVING,
+    STRAINS,
     Segment,
     explained,
     falls,
@@ -35,8 +37,9 @@ from .motion import (
     is_noise,
     jumps_back,
     label_of,
-    opposed,
-    points_down,
+    largest,
+    moved_in,
+    turned_columns,
 )
 from .numbers import (
     MARKS,
@@ -65,12 +68,6 @@ _LISTED = 5
 # Share of the longest table below which a table beside the segments contains results,
 # such as maxima.
 _SHORT = 0.2
-
-# Driving quantities of a biaxial test.
-_STRAINS = "warp strain", "weft strain"
-
-#: Driving quantities, one of which a shear or tensile test requires.
-DRIVING = "displacement", "shear angle", "strain"
 
 
 @dataclass(frozen=True)
@@ -338,11 +335,11 @@ class _File:
         name = recording.name
         driving, forces = (
             [key for key in of if key in recording.columns]
-            for of in ((*DRIVING, *_STRAINS), FORCES)
+            for of in ((*DRIVING, *STRAINS), FORCES)
         )
         by_name, labels = recording.columns, {x.quantity: x for x in test[0].columns}
         of_forces = [by_name[key] for key in forces]
-        pairs = [key for key in driving if key in DRIVING] or _largest(driving, by_name)
+        pairs = [key for key in driving if key in DRIVING] or largest(driving, by_name)
         for key in pairs if forces else ():
             if is_no_motion(by_name[key], of_forces):
                 raise ValueError(
@@ -384,7 +381,7 @@ class _File:
         gaps = np.flatnonzero(np.diff(lines) > 1) + 1
         if not gaps.size:
             return [block]
-        moved = _moved(self._recording(block, self._repeats(block)[0]))
+        moved = moved_in(self._recording(block, self._repeats(block)[0]).columns)
         if moved.size != lines.size:
             return [block]
         parts, begin, label = [block], 0, label_of([x for _, x in block.titles])
@@ -411,7 +408,7 @@ class _File:
         for place, columns in enumerate(repeats):
             read = self._recording(block, columns)
             if len(read.rows) or len(self.blocks) == 1:
-                moved = _moved(read)
+                moved = moved_in(read.columns)
                 segment = Segment(moved, others, label)
                 found.append(_Table(read, segment, place, block, columns))
         return found
@@ -605,25 +602,6 @@ def _names(block: Block) -> frozenset[str]:
     return frozenset(filter(None, (column_named(name) for name, _ in names)))
 
 
-def _moved(recording: Recording) -> ndarray:
-    """Driving quantity in the rows with numbers; empty if there is none."""
-    columns = recording.columns
-    names = [name for name in DRIVING if name in columns]
-    for name in names[:1] or _largest(_STRAINS, columns):
-        return columns[name][np.isfinite(columns[name])]
-    return np.zeros(0)
-
-
-def _largest(names: Iterable[str], columns: Mapping[str, ndarray]) -> list[str]:
-    """The one of some columns with the largest range, if there is one."""
-    ranges = {
-        name: float(np.ptp(known)) if (known := x[np.isfinite(x)]).size else 0.0
-        for name in names
-        if (x := columns.get(name)) is not None
-    }
-    return [max(ranges, key=lambda name: ranges[name])] if ranges else []
-
-
 def _length(test: Sequence[_Table]) -> int:
     return sum(len(table.rows.rows) for table in test)
 
@@ -671,22 +649,9 @@ def _option(name: str) -> str:
 
 
 def _with_directions(recording: Recording, form: Format) -> Recording:
-    """Recording with forces positive in tension, and displacements along them.
-
-    A force has the sign of its large values.  A displacement is turned if large
-    forces are at small displacements.
-    """
-    columns, turned = dict(recording.columns), []
-    for name in FORCES:
-        if name in columns and name not in form.signs and points_down(columns[name]):
-            columns[name] = -columns[name]
-            turned.append(name)
-    force, moved = columns.get("force"), columns.get("displacement")
-    free = "displacement" not in form.signs
-    if free and force is not None and moved is not None and opposed(moved, force):
-        columns["displacement"] = -moved
-        turned.append("displacement")
-    if len(turned) == 2 and turned[0] == "force" and falls(columns["force"]):
+    """Recording with forces positive in tension, and displacements along them."""
+    turned = turned_columns(recording.columns, form.signs)
+    if len(turned) == 2 and "force" in turned and falls(turned["force"]):
         raise ValueError(
             f"{recording.name}: the force is negative and its magnitude decreases from "
             "the first row on, as in unloading with a turned sign, or in a test with a "
@@ -697,4 +662,5 @@ def _with_directions(recording: Recording, form: Format) -> Recording:
     read, *rest = recording.statements
     names = " and ".join(turned)
     statements = (f"{read}, sign of {names} turned", *rest)
-    return Recording(recording.name, columns, recording.rows, statements)
+    columns = {**recording.columns, **turned}
+    return replace(recording, columns=columns, statements=statements)
