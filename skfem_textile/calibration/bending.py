@@ -157,6 +157,5 @@ def weight_number(angle: float) -> float:
     def off(logarithm: float) -> float:
         return hanging(float(np.exp(logarithm))).chord_angle - angle
 
-    return float(
-        np.exp(scipy.optimize.brentq(off, *np.log([_LEAST, _MOST]), xtol=1e-9))
-    )
+    low, high = np.log([_LEAST, _MOST])
+    return float(np.exp(scipy.optimize.brentq(off, low, high, xtol=1e-9)))

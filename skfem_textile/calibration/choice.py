@@ -132,7 +132,9 @@ def models_of(tests: Sequence[Test], choice: Choice) -> dict[str, Model]:
             found[name] = TENSION_LAWS[choice.tension](largest, choice.points, slack)
     if specimens := of_kind(tests, Specimen):
         for one in specimens:
-            _refuse_specimen(one, choice.up_to)
+            used = one.used(choice.up_to)
+            _refuse_angles(one, used, choice.up_to)
+            _refuse_forces(one, used)
         largest = max(reach(one, choice.up_to) for one in specimens)
         of_law = SHEAR_LAWS[choice.shear]
         found["shear"] = of_law(largest, choice.degree, choice.points)
@@ -218,13 +220,6 @@ def largest_argument(tests: Sequence[Test], part: str, up_to: float | None) -> f
         return max(reach(one, up_to) for one in of_kind(tests, Specimen))
     along = (t.along(FAMILIES.index(part)) for t in in_tension(tests))
     return max(float(one.strain.max()) for one in along if one)
-
-
-def _refuse_specimen(specimen: Specimen, up_to: float | None) -> None:
-    """An error if angles or forces of a specimen cannot be fitted."""
-    used = specimen.used(up_to)
-    _refuse_angles(specimen, used, up_to)
-    _refuse_forces(specimen, used)
 
 
 def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> None:

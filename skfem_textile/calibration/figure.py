@@ -174,14 +174,10 @@ def _along(
     elif part.startswith("bending"):
         yield "chord angle (°)", np.degrees(test.angle), values
     else:
-        families = families_of(part)
+        families, taut = families_of(part), test.with_slack(result.zeros_of(test))
         each = np.split(values, len(families), axis=-1)
-        curves = zip(result.tests_of(part), result.along(part), strict=True)
-        taut = next(curve for one, (curve, _) in curves if one is test)
         for i, own in zip(families, each, strict=True):
-            along = taut.along(i)
-            assert along is not None
-            yield "strain ln λ (-)", along.strain, own
+            yield "strain ln λ (-)", taut.along(i).strain, own
 
 
 def prediction_panel(one: Validation) -> Panel:

@@ -23,7 +23,6 @@ from ..scenes.scene import Case
 from ..solve.interval import ErrorInterval
 from ..solve.quantities import first_rows
 from ..solve.result import Result, StepError
-from ..solve.states import State
 from ..solve.stepper import LoadStepper
 from ..solve.tolerance import ToleranceStepper
 from . import results
@@ -226,11 +225,7 @@ def _write_again(
 
 def _without_interval(result: Result) -> Result:
     """Result before its error interval, which may be slow and interrupted."""
-    return replace(result, interval=_interrupted)
-
-
-def _interrupted(state: State) -> ErrorInterval:
-    return ErrorInterval(reason="interrupted")
+    return replace(result, interval=lambda _: ErrorInterval(reason="interrupted"))
 
 
 def _note(text: str, options: argparse.Namespace) -> None:
