@@ -231,7 +231,7 @@ TESTS: dict[str, tuple[str, Options]] = {
 }
 
 
-#: Options of the commands, except those of scenes and of kinds of fits.
+#: Options of the commands that have neither scenes nor kinds of tests.
 OPTIONS: dict[str, Options] = {
     "list": {},
     "show": _SHOW,
