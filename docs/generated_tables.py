@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 
 from skfem_textile.cases.write import reference
-from skfem_textile.cli.parser import command_parser
+from skfem_textile.cli.main import command_parser
 
 # A whole line: ``OPTIONS-OF command: group`` or ``KEYS-OF table: choices``,
 # where the choices may be missing.

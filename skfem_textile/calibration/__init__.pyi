@@ -7,10 +7,6 @@ from .bending import (
     CantileverTest as CantileverTest,
     read_cantilever as read_cantilever,
 )
-from .biaxial import (
-    BiaxialCurve as BiaxialCurve,
-    read_biaxial as read_biaxial,
-)
 from .choice import (
     Choice as Choice,
 )
@@ -39,8 +35,10 @@ from .specimens import (
     Zeros as Zeros,
     read_specimens as read_specimens,
 )
-from .strip import (
+from .tensile import (
+    BiaxialCurve as BiaxialCurve,
     Strip as Strip,
+    read_biaxial as read_biaxial,
     read_strips as read_strips,
 )
 from .tests_file import (

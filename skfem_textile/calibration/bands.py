@@ -9,7 +9,7 @@ from numpy import ndarray
 from scipy import special
 
 from .models import Model
-from .solving import Sample, jacobian_of
+from .solving import Sample, jacobian_of, rows_of
 
 #: Confidence level of all bands.
 CONFIDENCE = 0.95
@@ -146,8 +146,7 @@ class Fit:
 
     def curve_band(self, i: int) -> ndarray:
         """Band of the predictions of a curve with its zeros, shape (2, n)."""
-        begin = sum(r.size for r in self.residuals[:i])
-        rows = slice(begin, begin + self.residuals[i].size)
+        rows = rows_of(self.samples)[i]
         return self._interval(lambda fit: (fit.predicted(i), fit.jacobian[rows]))
 
     def scatter(self, value: Callable[[Any], ndarray]) -> ndarray | None:

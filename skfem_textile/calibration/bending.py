@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
+import scipy  # whose modules are imported on first use
 from numpy import ndarray
 
 from ..scenes.elastica import hanging, peirce
@@ -70,6 +71,11 @@ class CantileverTest(MeasuredTest):
             raise ValueError(
                 f"the weight must be a positive number, got {self.weight:g} N/mm2"
             )
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """See `MeasuredTest.parts`."""
+        return (f"bending {self.family}",)
 
     @cached_property
     def by_elastica(self) -> ndarray:
@@ -147,9 +153,9 @@ def _test(
 @cache
 def weight_number(angle: float) -> float:
     """Load parameter w L³/D of an elastica with a given chord angle in radians."""
-    from scipy.optimize import brentq
 
     def off(logarithm: float) -> float:
         return hanging(float(np.exp(logarithm))).chord_angle - angle
 
-    return float(np.exp(brentq(off, np.log(_LEAST), np.log(_MOST), xtol=1e-9)))
+    low, high = np.log([_LEAST, _MOST])
+    return float(np.exp(scipy.optimize.brentq(off, low, high, xtol=1e-9)))

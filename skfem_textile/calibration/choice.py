@@ -9,13 +9,14 @@ from numpy import ndarray
 
 from . import models
 from .bending import CantileverTest
-from .biaxial import BiaxialCurve
-from .measured import FAMILIES
+from .measured import FAMILIES, families_of
 from .models import Model
-from .selection import AUTO
 from .solving import PARTS
 from .specimens import ROUNDING, Specimen
-from .strip import Strip
+from .tensile import BiaxialCurve, Strip
+
+#: Name that stands for the choice by cross-validation.
+AUTO = "auto"
 
 #: A test of any kind.
 Test: TypeAlias = Specimen | Strip | BiaxialCurve | CantileverTest
@@ -104,28 +105,36 @@ def of_kind(tests: Iterable[Test], kind: type[_Kind]) -> list[_Kind]:
     return [one for one in tests if isinstance(one, kind)]
 
 
+def in_tension(tests: Iterable[Test]) -> list[Strip | BiaxialCurve]:
+    """Strips and biaxial tests."""
+    return [one for one in tests if isinstance(one, Strip | BiaxialCurve)]
+
+
+def tests_of(tests: Iterable[Test], part: str) -> list[Test]:
+    """Tests that determine a law, in the order of its curves."""
+    return [one for one in tests if part in one.parts]
+
+
 def models_of(tests: Sequence[Test], choice: Choice) -> dict[str, Model]:
     """Laws that the tests determine, by part."""
     found: dict[str, Model] = {}
-    curves, strips = of_kind(tests, BiaxialCurve), of_kind(tests, Strip)
+    strips = of_kind(tests, Strip)
     coupled = choice.tension == "crimp-interchange"
     if coupled and strips:
         raise ValueError(
             f"{strips[0].name}: a strip determines a tension that depends on one "
             "strain: use biaxial tests alone for crimp-interchange, or another law"
         )
-    names = ["both"] if coupled else list(FAMILIES)
-    for name in names:
-        loaded = [one for one in strips if one.family == name]
-        own: list[Strip | BiaxialCurve] = [*curves, *loaded]
-        if own:
+    for name in ("both",) if coupled else FAMILIES:
+        if own := in_tension(tests_of(tests, name)):
             largest = _largest_strain(own, name)
             slack = all(one.slack_is_unknown for one in own)
             found[name] = TENSION_LAWS[choice.tension](largest, choice.points, slack)
-    specimens = of_kind(tests, Specimen)
-    if specimens:
+    if specimens := of_kind(tests, Specimen):
         for one in specimens:
-            _refuse_specimen(one, choice.up_to)
+            used = one.used(choice.up_to)
+            _refuse_angles(one, used, choice.up_to)
+            _refuse_forces(one, used)
         largest = max(reach(one, choice.up_to) for one in specimens)
         of_law = SHEAR_LAWS[choice.shear]
         found["shear"] = of_law(largest, choice.degree, choice.points)
@@ -185,7 +194,7 @@ def _bounded(
 
 def _largest_strain(tests: Sequence[Strip | BiaxialCurve], part: str) -> float:
     """Largest strain of the families of a part; an error without strain or force."""
-    families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
+    families = families_of(part)
     along = {i: [x for t in tests if (x := t.along(i))] for i in families}
     largest = max(float(x.strain.max()) for each in along.values() for x in each)
     if not largest > 0:
@@ -205,29 +214,12 @@ def reach(specimen: Specimen, up_to: float | None) -> float:
     return float(specimen.angle[specimen.used(up_to)].max())
 
 
-def laws_of_test(test: Test) -> tuple[str, ...]:
-    """Laws of one argument that a test determines, by part."""
-    if isinstance(test, Specimen):
-        return ("shear",)
-    if isinstance(test, Strip):
-        return (test.family,)
-    return FAMILIES if isinstance(test, BiaxialCurve) else ()
-
-
 def largest_argument(tests: Sequence[Test], part: str, up_to: float | None) -> float:
     """Largest shear angle or strain of the data of a part."""
     if part == "shear":
         return max(reach(one, up_to) for one in of_kind(tests, Specimen))
-    i, own = FAMILIES.index(part), (t for t in tests if part in laws_of_test(t))
-    along = (t.along(i) for t in own if isinstance(t, Strip | BiaxialCurve))
+    along = (t.along(FAMILIES.index(part)) for t in in_tension(tests))
     return max(float(one.strain.max()) for one in along if one)
-
-
-def _refuse_specimen(specimen: Specimen, up_to: float | None) -> None:
-    """An error if angles or forces of a specimen cannot be fitted."""
-    used = specimen.used(up_to)
-    _refuse_angles(specimen, used, up_to)
-    _refuse_forces(specimen, used)
 
 
 def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> None:

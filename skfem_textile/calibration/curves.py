@@ -8,7 +8,7 @@ represents.
 import numpy as np
 from numpy import ndarray
 
-from .preparing.prepare import FIRST
+from .preparing import FIRST
 from .specimens import APART, Specimen
 
 # Initial range of a curve: its share of the whole range, the minimum number of points,
@@ -82,10 +82,11 @@ def rest_notes(
     """
     first = np.abs(force[np.argsort(x, kind="stable")][:2]).max()
     if x.min() > _LATE * x.max() and first < _NOTHING * np.abs(force).max():
-        return [
+        late = (
             f"{name}: the curve begins far from rest with virtually no force: measure "
             "displacements from the point at which the fabric begins to carry load"
-        ][: int(slack_is_known)]
+        )
+        return [late] if slack_is_known else []
     offset = force_at_rest(x, force)
     if not offset:
         return []

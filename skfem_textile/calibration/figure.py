@@ -16,7 +16,7 @@ from ..plot.curves import COLOURS
 from ..plot.drawing import picture_path, save
 from .choice import Test
 from .fitting import FabricFit
-from .measured import FAMILIES
+from .measured import FAMILIES, families_of
 from .validation import NORMAL_95, Validation
 
 #: Function that draws the content of axes.
@@ -138,9 +138,8 @@ def law_panels(result: FabricFit, part: str) -> dict[str, Panel]:
             "Bending stiffness of each reading": _stiffnesses(result, part),
         }
     return {
-        f"Tension of the {family}": _tension_panel(result, part, i)
-        for i, family in enumerate(FAMILIES)
-        if part in (family, "both")
+        f"Tension of the {FAMILIES[i]}": _tension_panel(result, part, i)
+        for i in families_of(part)
     }
 
 
@@ -175,14 +174,10 @@ def _along(
     elif part.startswith("bending"):
         yield "chord angle (°)", np.degrees(test.angle), values
     else:
-        families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
+        families, taut = families_of(part), test.with_slack(result.zeros_of(test))
         each = np.split(values, len(families), axis=-1)
-        curves = zip(result.tests_of(part), result.along(part), strict=True)
-        taut = next(curve for one, (curve, _) in curves if one is test)
         for i, own in zip(families, each, strict=True):
-            along = taut.along(i)
-            assert along is not None
-            yield "strain ln λ (-)", along.strain, own
+            yield "strain ln λ (-)", taut.along(i).strain, own
 
 
 def prediction_panel(one: Validation) -> Panel:

@@ -16,17 +16,25 @@ from ..scenes.shear_test import BiasExtension, ShearTest
 from . import residuals
 from .bands import Fit
 from .bending import CantileverTest
-from .biaxial import BiaxialCurve
-from .choice import Choice, Test, largest_argument, models_of, of_kind, reach
-from .comparison import compared, with_best, without
+from .choice import (
+    AUTO,
+    Choice,
+    Test,
+    in_tension,
+    largest_argument,
+    models_of,
+    of_kind,
+    reach,
+    tests_of,
+)
 from .curves import beginning_notes
-from .measured import FAMILIES
+from .measured import FAMILIES, families_of
 from .regression import JointFit, fit
-from .selection import AUTO, Candidate, reason_against
-from .simulation import SimulatedTest, Simulation, simulated
+from .selection import Candidate, compared, reason_against, with_best, without
+from .simulation import SimulatedTest, Simulation, simulated, tension_of
 from .solving import Laws
 from .specimens import Specimen, Zeros
-from .strip import Strip
+from .tensile import BiaxialCurve, Strip
 
 log = logging.getLogger(__name__)
 
@@ -68,11 +76,7 @@ class FabricFit:
     def fabric(self, base: Fabric, laws: Laws | None = None) -> Fabric:
         """A fabric whose laws are replaced by the fitted ones, or by laws by part."""
         laws, (warp, weft) = self.laws if laws is None else laws, base.bending
-        tension: Any = base.tension
-        if "both" in laws:
-            tension = laws["both"]
-        elif {*FAMILIES} & set(laws):
-            tension = tuple(laws.get(f.name, f.tension) for f in base.families)
+        tension = tension_of(laws, base)
         bending = (
             laws["bending warp"].stiffness if "bending warp" in laws else warp,
             laws["bending weft"].stiffness if "bending weft" in laws else weft,
@@ -96,22 +100,12 @@ class FabricFit:
 
     def tests_of(self, part: str) -> Sequence[Test]:
         """Tests of a law, in the order of its curves."""
-        if part == "shear":
-            return self.specimens
-        if part.startswith("bending"):
-            return self.cantilevers(part)
-        return self._pulled(part)
-
-    def _pulled(self, part: str) -> list[Strip | BiaxialCurve]:
-        """Tests of a tension law, in the order of its curves."""
-        strips = [one for one in of_kind(self.tests, Strip) if one.family == part]
-        return [*of_kind(self.tests, BiaxialCurve), *strips]
+        return tests_of(self.tests, part)
 
     def along(self, part: str) -> list[tuple[Strip | BiaxialCurve, list[int]]]:
         """Tests of a tension law with fitted slacks, and their families."""
-        families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
-        tests = [one.with_slack(self.zeros_of(one)) for one in self._pulled(part)]
-        return [(one, families) for one in tests]
+        tests, families = in_tension(self.tests_of(part)), families_of(part)
+        return [(one.with_slack(self.zeros_of(one)), families) for one in tests]
 
     def zeros_of(self, test: Test) -> dict[str, float]:
         """Fitted zeros of a test by name."""
@@ -125,8 +119,7 @@ class FabricFit:
 
     def cantilevers(self, part: str) -> list[CantileverTest]:
         """Tests of a bending stiffness, in the order of its curves."""
-        tests = of_kind(self.tests, CantileverTest)
-        return [one for one in tests if part == f"bending {one.family}"]
+        return of_kind(self.tests_of(part), CantileverTest)
 
     @property
     def largest_angle(self) -> float:
@@ -228,16 +221,12 @@ def _within_range(tests: Sequence[Test], up_to: float | None) -> list[Test]:
 
     By the law crimp-toe, and the polynomial of degree 5.
     """
-    pulls = [one for one in _with_slack_of_a_toe(tests) if _pulls(one)]
-    shear: Sequence[Test] = of_kind(tests, Specimen)
-    if any(one.assumes_slack for one in of_kind(tests, Specimen)):
+    pulls = in_tension(_with_slack_of_a_toe(tests))
+    shear = of_kind(tests, Specimen)
+    if any(one.assumes_slack for one in shear):
         with suppress(ValueError):  # too few points for this law
-            shear = fit_near(shear, Choice(up_to=up_to)).tests
+            return [*fit_near(shear, Choice(up_to=up_to)).tests, *pulls]
     return [*shear, *pulls]
-
-
-def _pulls(test: Test) -> bool:
-    return isinstance(test, Strip | BiaxialCurve)
 
 
 def _unphysical(result: FabricFit) -> dict[str, str]:
@@ -330,14 +319,14 @@ def _with_fitted_slack(result: FabricFit) -> list[Test]:
 
 def _with_slack_of_a_toe(tests: Sequence[Test]) -> list[Test]:
     """Tests, with unknown slacks estimated by a crimp-toe fit."""
-    pulls = [one for one in tests if isinstance(one, Strip | BiaxialCurve)]
+    pulls = in_tension(tests)
     if not any(x.slack_is_unknown and x.assumed_slack is None for x in pulls):
         return list(tests)
     try:
         found = iter(_with_fitted_slack(_fit_within(pulls, Choice(), {}, None)))
     except ValueError:  # too few points for this law
         return list(tests)
-    return [next(found) if _pulls(one) else one for one in tests]
+    return [next(found) if one in pulls else one for one in tests]
 
 
 def _same_range(tests: Sequence[Test], result: FabricFit) -> bool:

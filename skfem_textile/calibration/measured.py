@@ -37,9 +37,19 @@ class MeasuredTest:
         """Description of the reading and preparation."""
         return () if self.prepared is None else self.prepared.recording.statements
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Laws that the test determines, by the names of `PARTS`."""
+        raise NotImplementedError
+
     def with_slack(self, zeros: Mapping[str, float]) -> Self:
         """The test that assumes the slack of fitted zeros, by name."""
         return self
+
+
+def families_of(part: str) -> list[int]:
+    """Numbers of the fibre families of a tension law: one, or both."""
+    return [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
 
 
 def slack_range(displacement: ndarray) -> tuple[float, float]:

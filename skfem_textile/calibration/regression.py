@@ -16,7 +16,7 @@ from scipy import special
 
 from .bands import CONFIDENCE, DIFFER, Component, Fit, independent_share
 from .models import Model, joint
-from .solving import PARTS, Laws, Sample, Unknowns, covariance_of
+from .solving import PARTS, Laws, Sample, Unknowns, covariance_of, rows_of
 
 # Number of iterations of the noise estimate.  Chosen: its change is then below 0.1 %.
 _ROUNDS = 5
@@ -212,11 +212,6 @@ class _Solved:
         inside = (self.unknowns.low < self.x) & (self.x < self.unknowns.high)
         return inside | (np.arange(self.x.size) >= self.unknowns.parameters)
 
-    def rows(self, i: int) -> slice:
-        """Rows of a curve."""
-        begin = sum(r.size for r in self.residuals[:i])
-        return slice(begin, begin + self.residuals[i].size)
-
 
 def _solved(
     models: Mapping[str, Model],
@@ -273,10 +268,9 @@ def _refuse_few(unknowns: Unknowns) -> None:
 
 def _information(solved: _Solved, weights: ndarray) -> list[ndarray]:
     """JᵀWJ of each curve for the unknowns that are not at a bound."""
-    J, rows = solved.jacobian[:, solved.determined], solved.rows
+    J = solved.jacobian[:, solved.determined]
     return [
-        (J[rows(i)] * weights[rows(i), None]).T @ J[rows(i)]
-        for i in range(len(solved.samples))
+        (J[rows] * weights[rows, None]).T @ J[rows] for rows in rows_of(solved.samples)
     ]
 
 
@@ -284,8 +278,6 @@ def _freedom(solved: _Solved, weights: ndarray) -> ndarray:
     """Degrees of freedom of the noise: points less unknowns that a curve determines."""
     J = solved.jacobian[:, solved.determined]
     sizes = np.array([sample.measured.size for sample in solved.samples])
-    if not J.shape[1]:
-        return sizes.astype(float)
     covariance = covariance_of(J, weights)
     each = np.einsum("ni,ij,nj,n->n", J, covariance, J, weights)
     known = [block.sum() for block in _split(solved.samples, each)]
@@ -326,8 +318,8 @@ class _Compared:
             of_zeros &= unknowns.owners == name
         every = np.array([*columns, *np.flatnonzero(of_zeros)], dtype=int)
         offsets = unknowns.offsets(solved.x)
-        points = np.arange(len(solved.jacobian))
-        rows = np.concatenate([points[solved.rows(i)] for i in own])
+        rows = rows_of(solved.samples)
+        J = np.vstack([solved.jacobian[rows[i]] for i in own])
         within = np.ix_(every, every)
         return Fit(
             model=joint(unknowns.models) if name is None else unknowns.models[name],
@@ -335,7 +327,7 @@ class _Compared:
             values=solved.x[list(columns)],
             offsets=tuple(offsets[i] for i in own),
             free=solved.free,
-            jacobian=solved.jacobian[np.ix_(rows, every)],
+            jacobian=J[:, every],
             residuals=tuple(solved.residuals[i] for i in own),
             noise=solved.noise[own],
             at_bound=~solved.determined[list(columns)],
@@ -357,10 +349,7 @@ class _Compared:
         share = independent_share(residuals)
         weights = _spread_out(solved.samples, share / solved.noise**2)
         freedom = _freedom(solved, weights)
-        if free.any():
-            total = covariance_of(solved.jacobian[:, free], weights)
-        else:
-            total = np.zeros((0, 0))
+        total = covariance_of(solved.jacobian[:, free], weights)
         for own, nu in zip(_information(solved, weights), freedom, strict=True):
             more = own + 4 / nu * (own - own @ total @ own)
             covariance = np.zeros((size, size))
@@ -441,5 +430,4 @@ def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:
 
 
 def _split(samples: Sequence[Sample], array: ndarray) -> tuple[ndarray, ...]:
-    ends = np.cumsum([sample.measured.size for sample in samples])[:-1]
-    return tuple(np.split(array, ends))
+    return tuple(array[rows] for rows in rows_of(samples))

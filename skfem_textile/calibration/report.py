@@ -13,16 +13,16 @@ from ..scenes.shear_test import BiasExtension, PictureFrame
 from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
-from .biaxial import BiaxialCurve
 from .choice import Test, reach
 from .curves import beginning_notes, departure_notes, rest_notes
 from .measured import FAMILIES
-from .preparing.outliers import wild
+from .outliers import wild
 from .specimens import APART, Specimen
+from .tensile import BiaxialCurve
 
 if TYPE_CHECKING:
     from .fitting import FabricFit
-    from .strip import Strip
+    from .tensile import Strip
     from .validation import Validation
 
 
@@ -134,10 +134,8 @@ def bending_report(result: "FabricFit", part: str) -> dict[str, Any]:
             *(test.overhang, test.angle, test.by_elastica, test.by_peirce), strict=True
         )
     ]
-    simple, exact = (
-        np.array([one[f"by_{name}_N_mm"] for one in readings])
-        for name in ("peirce", "elastica")
-    )
+    simple = np.concatenate([test.by_peirce for test in tests])
+    exact = np.concatenate([test.by_elastica for test in tests])
     largest = float(np.abs(simple / exact - 1).max())
     return law_report("bending", fit) | {
         "curves": [_curve(fit, i, "N_mm") for i in range(len(tests))],
@@ -372,10 +370,9 @@ def _moments(result: "FabricFit") -> list[dict[str, Any]]:
 
     C, band, alone = value(fit.law), fit.band(value), fit.singles
     moments = [] if alone is None else [value(fit.model.build(one)) for one in alone]
-    points, scatter = [], fit.scatter(value)
-    for i in range(len(result.specimens)):
-        points.append(result.zeroed(i).pointwise(result.choice.up_to))
-    rows = []
+    specimens = map(result.zeroed, range(len(result.specimens)))
+    points = [one.pointwise(result.choice.up_to) for one in specimens]
+    rows, scatter = [], fit.scatter(value)
     for i, angle in enumerate(angles):
         low, high = band[:, i]
         row = {"angle_deg": angle, "moment": C[i], "low": low, "high": high}

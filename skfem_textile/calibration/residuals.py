@@ -4,7 +4,7 @@ Each returns the measured values of a test, and a function of the laws and the u
 zeros that predicts them; a fit compares both.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,16 +14,12 @@ from ..fabric import BiaxialLaw, Tabulated, TwoLaws
 from ..fabric.law import domain_of
 from ..scenes.shear_test import ShearTest
 from .bending import CantileverTest
-from .biaxial import BiaxialCurve
-from .choice import Choice, Test, of_kind
+from .choice import Choice, Test
 from .measured import FAMILIES, slack_range
 from .simulation import SimulatedTest
 from .solving import Laws, Offset, Sample
 from .specimens import END_OF_RANGE, Specimen
-from .strip import Strip
-
-#: Forces of shear laws at shear angles: `ShearTest.force`, or `SimulatedTest.force`.
-ForceOf = Callable[[Laws, ndarray], ndarray]
+from .tensile import BiaxialCurve, Strip
 
 
 def samples_of(
@@ -44,17 +40,19 @@ def samples_of(
         Tension laws with unknown parameters.
     """
     samples: list[Sample] = []
-    curves = of_kind(tests, BiaxialCurve)
-    if choice.tension == "crimp-interchange":
-        samples += [biaxial_coupled(one) for one in curves]
-    else:
-        samples += [biaxial(c, i) for i in range(2) for c in curves]
-    samples += [strip(one) for one in of_kind(tests, Strip)]
-    for one in of_kind(tests, Specimen):
-        found = simulations.get(one.test)
-        others = tensions if found else ()
-        samples.append(shear(one, choice.up_to, found, others))
-    samples += [cantilever(one) for one in of_kind(tests, CantileverTest)]
+    for one in tests:
+        if isinstance(one, Specimen):
+            found = simulations.get(one.test)
+            others = tensions if found else ()
+            samples.append(shear(one, choice.up_to, found, others))
+        elif isinstance(one, CantileverTest):
+            samples.append(cantilever(one))
+        elif isinstance(one, Strip):
+            samples.append(strip(one))
+        elif choice.tension == "crimp-interchange":
+            samples.append(biaxial_coupled(one))
+        else:
+            samples += [biaxial(one, 0), biaxial(one, 1)]
     return samples
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy  # whose modules are imported on first use
 from numpy import ndarray
 
 from ..fabric import Fabric, Law, Tabulated
@@ -32,6 +33,13 @@ FIBRES = 1e5
 
 # Distortion of the irregular meshes, relative to an element.
 _JITTER = 0.25
+
+
+def tension_of(laws: Laws, base: Fabric) -> Any:
+    """Tension of a fabric with laws by part, and of a base for missing ones."""
+    if {"warp", "weft"} & set(laws):
+        return tuple(laws.get(one.name, one.tension) for one in base.families)
+    return laws.get("both", base.tension)
 
 
 class Simulated(NamedTuple):
@@ -86,13 +94,7 @@ class Simulation:
 
     def fabric(self, laws: Laws) -> Fabric:
         """Fabric of laws by part, with the tension of the settings for missing ones."""
-        tension: Any = self.tension
-        if "both" in laws:
-            tension = laws["both"]
-        elif {"warp", "weft"} & set(laws):
-            known = Fabric(self.tension).families
-            tension = tuple(laws.get(family.name, family.tension) for family in known)
-        law = laws["shear"]
+        law, tension = laws["shear"], tension_of(laws, Fabric(self.tension))
         if isinstance(law, Tabulated):  # some elements shear more than the middle
             law = law.extrapolated
         return Fabric(tension, law)
@@ -221,9 +223,9 @@ class SimulatedTest:
 
 def _through(angles: ndarray, values: ndarray) -> Callable[[ndarray], ndarray]:
     """Smooth function with the values at the angles; at rest with the first one."""
-    from scipy.interpolate import PchipInterpolator  # imported only if needed
-
-    return PchipInterpolator(angles, np.concatenate([values[:1], values]))
+    return scipy.interpolate.PchipInterpolator(
+        angles, np.concatenate([values[:1], values])
+    )
 
 
 def simulated(
@@ -233,8 +235,7 @@ def simulated(
     largest: Sequence[float],
 ) -> dict[ShearTest, SimulatedTest]:
     """Simulation of each test; specimens of one size share a simulation."""
-    ends: dict[BiasExtension, float] = {}
+    ends: dict[ShearTest, float] = {}
     for test, end in zip(tests, largest, strict=True):
-        assert isinstance(test, BiasExtension)
         ends[test] = max(end, ends.get(test, 0.0))
     return {test: simulation.test(laws, test, end) for test, end in ends.items()}

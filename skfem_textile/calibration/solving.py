@@ -2,6 +2,7 @@
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -50,6 +51,12 @@ class Sample(NamedTuple):
     others: tuple[str, ...] = ()
 
 
+def rows_of(samples: Sequence[Sample]) -> list[slice]:
+    """Rows of each curve in the vector of all measured values."""
+    ends = np.cumsum([0, *(sample.measured.size for sample in samples)]).tolist()
+    return [slice(*ends_of_curve) for ends_of_curve in pairwise(ends)]
+
+
 def _optimize() -> Any:
     """The module scipy.optimize, imported only for fits."""
     return importlib.import_module("scipy.optimize")
@@ -64,7 +71,6 @@ def solve_linear(
     predict: Callable[[Any], ndarray],
     measured: ndarray,
     weights: ndarray,
-    start: ndarray | None,
 ) -> ndarray:
     """Closed form, unless a bound is active."""
     units = np.eye(len(model.parameters))
@@ -156,6 +162,8 @@ def differences(
 
 def covariance_of(J: ndarray, weights: ndarray) -> ndarray:
     """(JᵀWJ)⁻¹, with normalised columns."""
+    if not J.size:
+        return np.zeros((0, 0))
     root = J * np.sqrt(weights)[:, None]
     size = np.linalg.norm(root, axis=0)
     if not np.all(size > 0):
@@ -238,12 +246,11 @@ class Unknowns:
 
     def offsets(self, x: ndarray) -> list[ndarray]:
         """Zeros of each curve, also those that are not free."""
-        found, begin = [], self.parameters
-        for mask in self._masks:
-            of_curve = np.zeros(mask.size)
-            of_curve[mask] = x[begin : begin + int(mask.sum())]
-            found.append(of_curve)
-            begin += int(mask.sum())
+        found = [np.zeros(mask.size) for mask in self._masks]
+        ends = np.cumsum([mask.sum() for mask in self._masks])[:-1]
+        free = np.split(x[self.parameters :], ends)
+        for of_curve, mask, values in zip(found, self._masks, free, strict=True):
+            of_curve[mask] = values
         return found
 
     def start(self, values: ndarray) -> ndarray:
@@ -274,13 +281,14 @@ class Unknowns:
             own = [i for i, sample in enumerate(self.samples) if sample.part == name]
             at_rest, value = self._beyond_rest(name, known, of_curves, own)
             measured = np.concatenate([self.samples[i].measured for i in own])
-            solve = solve_linear if model.is_linear else solve_nonlinear
-            block = self.blocks[name]
-            values = solve(
-                *(model, value, measured - at_rest),
-                weights[self._rows(own)],
-                None if x is None else x[block],
-            )
+            block, of_law = self.blocks[name], weights[self._rows(own)]
+            if model.is_linear:
+                values = solve_linear(model, value, measured - at_rest, of_law)
+            else:
+                start = None if x is None else x[block]
+                values = solve_nonlinear(
+                    model, value, measured - at_rest, of_law, start
+                )
             found[block], known[name] = values, model.build(values)
         return found
 
@@ -308,24 +316,19 @@ class Unknowns:
         of_curves, laws = self.offsets(x), self.laws(x)
         J = np.zeros((self._rows(range(len(self.samples))).size, x.size))
         for name, model in self.models.items():
-            own, coupled = (
-                [
+            block = self.blocks[name]
+            for derivatives, coupled in ((jacobian_of, False), (differences, True)):
+                curves = [
                     i
                     for i, one in enumerate(self.samples)
-                    if name in (one.part, *one.others) and bool(one.others) == several
+                    if name in (one.part, *one.others) and bool(one.others) == coupled
                 ]
-                for several in (False, True)
-            )
-            block, values = self.blocks[name], x[self.blocks[name]]
-            if own:
-                _, value = self._beyond_rest(name, laws, of_curves, own)
-                J[self._rows(own), block] = jacobian_of(model, values, value)
-            if coupled:
-                _, value = self._beyond_rest(name, laws, of_curves, coupled)
-                J[self._rows(coupled), block] = differences(model, values, value)
+                if curves:
+                    _, value = self._beyond_rest(name, laws, of_curves, curves)
+                    J[self._rows(curves), block] = derivatives(model, x[block], value)
         column = self.parameters
-        curves = zip(self.samples, of_curves, self._masks, strict=True)
-        for i, (sample, offsets, mask) in enumerate(curves):
+        pairs = zip(self.samples, of_curves, self._masks, strict=True)
+        for i, (sample, offsets, mask) in enumerate(pairs):
             for j in np.flatnonzero(mask):
                 offset = sample.offsets[j]
                 step = _STEP * (offset.high - offset.low)
@@ -353,8 +356,8 @@ class Unknowns:
 
     def _rows(self, curves: Sequence[int]) -> ndarray:
         """Rows of some curves in the vector of all predictions."""
-        ends = np.cumsum([0, *(sample.measured.size for sample in self.samples)])
-        return np.concatenate([np.arange(ends[i], ends[i + 1]) for i in curves])
+        rows = rows_of(self.samples)
+        return np.concatenate([np.r_[rows[i]] for i in curves])
 
     def _joined(
         self, laws: Laws, of_curves: Sequence[ndarray], curves: Sequence[int]

@@ -12,9 +12,8 @@ from numpy import ndarray
 from ..fabric import Polynomial
 from ..scenes.shear_test import ShearTest
 from .measured import MeasuredTest, beyond_slack, slack_range
-from .preparing import Preparation, prepare
-from .preparing.branches import REVERSAL
-from .preparing.outliers import running_median
+from .outliers import running_median
+from .preparing import REVERSAL, Preparation, prepare
 from .reading import Format, read_recordings
 
 #: Shear angle in radians up to which the theoretical one of a test that does not impose
@@ -27,7 +26,7 @@ APART = float(np.radians(2.0))
 # Rows of the running median of this difference, so that noise does not count as slip.
 _SMOOTH = 5
 
-#: Rounding tolerance of the end of the range.
+#: Rounding tolerance of the ends of the range.
 ROUNDING = 1e-9
 
 #: Share of the largest angle of a test, or of the pole of a law, above which forces are
@@ -91,6 +90,11 @@ class Specimen(MeasuredTest):
     zeros: Zeros = Zeros()
     assumed_slack: float | None = None
     range_end: float | None = None
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """See `MeasuredTest.parts`."""
+        return ("shear",)
 
     @property
     def assumes_slack(self) -> bool:
@@ -201,7 +205,8 @@ class Specimen(MeasuredTest):
     def used(self, up_to: float | None) -> ndarray:
         """Mask of the fitted points: from 0 to `last_angle`, shape (n,)."""
         with np.errstate(invalid="ignore"):
-            return (self.angle >= 0) & (self.angle <= self.last_angle(up_to))
+            at_rest_or_beyond = self.angle >= -ROUNDING
+            return at_rest_or_beyond & (self.angle <= self.last_angle(up_to))
 
     @property
     def driven(self) -> ndarray:

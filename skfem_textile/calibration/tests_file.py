@@ -14,12 +14,11 @@ from ..declarations.words import OF_FILES, Options
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
 from .bending import read_cantilever
-from .biaxial import read_biaxial
 from .choice import Test
 from .preparing import Preparation
 from .reading import Format, column_named
 from .specimens import read_specimens
-from .strip import read_strips
+from .tensile import read_biaxial, read_strips
 
 
 def _strips(options: Namespace) -> list[Test]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import __version__
+from .. import __version__, io
 from ..calibration import report
 from ..calibration.choice import Choice, Test
 from ..calibration.fitting import FabricFit, fit_tests
@@ -17,12 +17,12 @@ from ..calibration.tests_file import READERS, read_tests
 from ..calibration.validation import Validation, refuse_others, validate
 from ..fabric import Fabric
 from ..fabric.files import write_law
+from ..mesh.progress import shown
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension
 from .fit_report import REPORT, Reported, pictures_of, write_fit_page
 from .interruption import held
 from .output import say
-from .progress import shown
 from .result_folder import ResultFolder
 
 # Notes on properties that no test has determined.
@@ -59,9 +59,7 @@ _FILES = "summary.json", "fabric.json", REPORT, _ONE_LAW, *_LAWS.values()
 
 def run(options: Namespace) -> int:
     """Fit laws to the data files and write them; returns the exit code."""
-    from .. import io
-
-    with shown("fitting"):
+    with shown("fitting", printed=True):
         tests = _tests(options)
         base = _base_fabric(options, tests)
         held_out = _held_out(options, tests)
@@ -191,12 +189,10 @@ def _add_missing(
 
 def _base_fabric(options: Namespace, tests: Sequence[Test]) -> Fabric:
     """Fabric of --fabric, or a plain one with the directions of the first test."""
-    from ..io import read_fabric
-
     stiffness = getattr(options, "fibre_stiffness", None)
     specimens = [one for one in tests if isinstance(one, Specimen)]
     if options.fabric is not None:
-        base = read_fabric(options.fabric).fabric
+        base = io.read_fabric(options.fabric).fabric
     elif not specimens:
         base = Fabric()
     else:

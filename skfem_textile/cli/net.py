@@ -4,13 +4,23 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
+from .. import drape, io
+from ..io.file_numbers import errors_about
 from ..mesh.graph import boundary_edges
-from ..mesh.user_input import coords, printable
+from ..mesh.progress import log_to_stderr, shown
+from ..mesh.user_input import IN_MM, coords, printable
+from ..nets.course import side_by_side
+from ..nets.crossings import Net
+from ..nets.flat_pattern import FlatPattern
+from ..nets.part import first_layer
+from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
+from ..scenes.drape import contact_point
+from ..surfaces.triangle_mesh import TriangleMesh
 from .interruption import held
 from .net_report import (
     Cells,
@@ -23,15 +33,8 @@ from .net_report import (
 )
 from .output import STOPPED_EARLY, complain, say
 from .page import rows, say_rows, sources, write_page
-from .progress import log_to_stderr, shown
 from .result_folder import ResultFolder
 from .results import PATTERN, write_patterns
-
-if TYPE_CHECKING:
-    from ..nets.crossings import Net
-    from ..nets.flat_pattern import FlatPattern
-    from ..nets.sheet import FibresInSpace
-    from ..surfaces.triangle_mesh import TriangleMesh
 
 # Files of the command.
 _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
@@ -74,12 +77,10 @@ def run(options: argparse.Namespace) -> int:
     OSError, OutputError
         If the folder cannot be written.
     """
-    from .. import io
-
     _refuse_combinations(options)
     began = perf_counter()
     log_to_stderr(0)
-    with shown("laying the net"):
+    with shown("laying the net", printed=True):
         part = _laid(options)
         fibres = _fibres(part)
         cells, cover = Cells.of(part), Cover.of(part, fibres)
@@ -134,9 +135,6 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
 
 def _laid(options: argparse.Namespace) -> Part:
     """Read the tool, lay the net and trim its pattern."""
-    from .. import drape, io
-    from ..io.file_numbers import errors_about
-
     tool = io.read_surface(options.tool, options.unit)
     warp = np.radians(options.fibres or 0.0)
     angles = warp, warp + np.pi / 2
@@ -191,10 +189,8 @@ def _laid(options: argparse.Namespace) -> Part:
     return _pieces(options, part, spanned, cell, curves, settings)
 
 
-def _edges(tool: "TriangleMesh", options: argparse.Namespace) -> list[ndarray]:
+def _edges(tool: TriangleMesh, options: argparse.Namespace) -> list[ndarray]:
     """Closed curves along the edges of a tool; none if it is closed."""
-    from ..io.file_numbers import errors_about
-
     what = ", ".join(map(printable, options.tool))
     if boundary_edges(tool.facets.cells).size:
         with errors_about(what):
@@ -207,11 +203,8 @@ def _edges(tool: "TriangleMesh", options: argparse.Namespace) -> list[ndarray]:
     )
 
 
-def _curve(file: Path, tool: "TriangleMesh", cell: float, is_closed: bool) -> ndarray:
+def _curve(file: Path, tool: TriangleMesh, cell: float, is_closed: bool) -> ndarray:
     """Curve of a file: a closed one must be on the tool, another one in a place."""
-    from .. import io
-    from ..mesh.user_input import IN_MM
-
     curve = io.read_curve(file, 3 if is_closed else 2)
     if wrong := _off_tool(tool, curve, cell, is_closed):
         fitting = [
@@ -229,12 +222,8 @@ def _curve(file: Path, tool: "TriangleMesh", cell: float, is_closed: bool) -> nd
     return curve
 
 
-def _off_tool(
-    tool: "TriangleMesh", curve: ndarray, cell: float, is_closed: bool
-) -> str:
+def _off_tool(tool: TriangleMesh, curve: ndarray, cell: float, is_closed: bool) -> str:
     """Say that a curve is not on a tool, or smaller than a cell; empty if neither."""
-    from ..nets.sheet import REACH
-
     away = tool.from_triangles(curve)
     far = np.flatnonzero(away > (REACH if is_closed else 1.0) * cell)
     if far.size and (is_closed or far.size == away.size):
@@ -252,15 +241,12 @@ def _off_tool(
 def _pieces(
     options: argparse.Namespace,
     part: Part,
-    spanned: "TriangleMesh",
+    spanned: TriangleMesh,
     cell: float,
-    curves: "Sequence[ndarray]",
+    curves: Sequence[ndarray],
     settings: dict[str, Any],
 ) -> Part:
     """Lay courses, a net with darts, or a net, and trim the pattern."""
-    from .. import drape
-    from ..nets.part import first_layer
-
     if options.roll_width is not None:
         strips = drape.courses(
             spanned, cell, options.roll_width, options.overlap, **settings
@@ -291,7 +277,7 @@ def _pieces(
     if not curves:
         return part._replace(no_pattern=_NO_OUTLINE)
     try:
-        sheet = drape.Sheet.of_net(part)
+        sheet = Sheet.of_net(part)
         pattern = drape.flat_pattern(sheet, curves[0], holes=curves[1:])
         return part._replace(patterns=[pattern])
     except ValueError as error:
@@ -299,15 +285,13 @@ def _pieces(
         return part._replace(pieces=pieces, no_pattern=str(error))
 
 
-def _uncut_angle(part: Part, uncut: "Net", curves: "Sequence[ndarray]") -> float | None:
+def _uncut_angle(part: Part, uncut: Net, curves: Sequence[ndarray]) -> float | None:
     """Largest shear angle without darts in degrees; None if no pattern is whole."""
-    from .. import drape
-
     if uncut.folds.size:
         return None
     part = part._replace(pieces=uncut.pieces)
     try:
-        sheet = drape.Sheet.of_net(part)
+        sheet = Sheet.of_net(part)
         pattern = drape.flat_pattern(sheet, curves[0], holes=curves[1:])
         cells = Cells.of(part._replace(patterns=[pattern]))
     except ValueError:
@@ -316,16 +300,14 @@ def _uncut_angle(part: Part, uncut: "Net", curves: "Sequence[ndarray]") -> float
 
 
 def _start(
-    tool: "TriangleMesh",
-    point: "Sequence[float] | None",
+    tool: TriangleMesh,
+    point: Sequence[float] | None,
     inside: ndarray | None,
 ) -> ndarray:
     """Given point of a tool, else the highest, or one near the middle.
 
     Of a part around which the tool goes on, by its mask of triangles, it is the middle.
     """
-    from ..scenes.drape import contact_point
-
     if point is not None or inside is None:
         try:
             return contact_point(tool, point)
@@ -340,17 +322,13 @@ def _start(
     return contact_point(tool, centres[:, near].tolist())
 
 
-def _to_cut(part: Part) -> "Sequence[FlatPattern]":
+def _to_cut(part: Part) -> Sequence[FlatPattern]:
     """Patterns in one plane; courses side by side."""
-    from ..nets.course import side_by_side
-
     return part.patterns if len(part.patterns) == 1 else side_by_side(part.patterns)
 
 
-def _fibres(part: Part) -> "FibresInSpace":
+def _fibres(part: Part) -> FibresInSpace:
     """Fibres in the triangles of the tool."""
-    from ..nets.sheet import Sheet, fibres_on_tool
-
     return fibres_on_tool(Sheet.of_net(part), part.tool.facets)
 
 

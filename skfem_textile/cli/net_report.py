@@ -2,20 +2,21 @@
 
 import argparse
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
+from scipy.spatial import KDTree
 
 from ..mesh.user_input import coords
+from ..nets.crossings import Net
+from ..nets.flat_pattern import Dart, FlatPattern, PatternWithDarts, shares_inside
+from ..nets.sheet import FibresInSpace
+from ..nets.start_search import BestStart
+from ..surfaces.surface import Axes
+from ..surfaces.tool_mesh import closest_on_triangles
+from ..surfaces.triangle_mesh import TriangleMesh
 from .page import Row
-
-if TYPE_CHECKING:
-    from ..nets.crossings import Net
-    from ..nets.flat_pattern import Dart, FlatPattern, PatternWithDarts
-    from ..nets.sheet import FibresInSpace
-    from ..nets.start_search import BestStart
-    from ..surfaces.triangle_mesh import TriangleMesh
 
 # Share of a cell inside the part above which its shear counts.
 _HALF = 0.5
@@ -35,21 +36,19 @@ class Part(NamedTuple):
     ``meets_itself`` is true of nets around tubes and closed tools.
     """
 
-    tool: "TriangleMesh"
-    pieces: "Sequence[tuple[Net, ndarray]]" = ()
-    patterns: "Sequence[FlatPattern]" = ()
-    darts: "Sequence[Dart]" = ()
+    tool: TriangleMesh
+    pieces: Sequence[tuple[Net, ndarray]] = ()
+    patterns: Sequence[FlatPattern] = ()
+    darts: Sequence[Dart] = ()
     no_pattern: str = ""
     no_darts: str = ""
     uncut_angle: float | None = None
-    search: "BestStart | None" = None
+    search: BestStart | None = None
     inside: ndarray = np.ones(1, dtype=bool)
     meets_itself: bool = False
 
     def has(self, x: ndarray) -> ndarray:
         """Mask of points in space, (3, n), that are on the part."""
-        from ..surfaces.tool_mesh import closest_on_triangles
-
         facets = self.tool.facets
         triangle, _ = closest_on_triangles(facets.points, facets.triangles(), x)
         inside = np.broadcast_to(self.inside, facets.n_elements)[triangle]
@@ -60,7 +59,7 @@ class Part(NamedTuple):
         return float((self.tool.facets.areas() * self.inside).sum())
 
 
-def refuse_overlap(part: Part, found: "PatternWithDarts") -> None:
+def refuse_overlap(part: Part, found: PatternWithDarts) -> None:
     """Refuse a net with darts of which both sides cover the same area of the part."""
     twice = found.area_on_tool - part.area()
     if twice > (1 - _WHOLE) * part.area():
@@ -76,10 +75,8 @@ class Cover(NamedTuple):
     place: ndarray
 
     @classmethod
-    def of(cls, part: Part, fibres: "FibresInSpace") -> "Cover":
+    def of(cls, part: Part, fibres: FibresInSpace) -> "Cover":
         """Cover by the triangles of the tool that have fibres."""
-        from scipy.spatial import KDTree
-
         facets, covered = part.tool.facets, fibres.covered
         bare = np.flatnonzero(part.inside & ~covered)
         share = 1.0 - float(facets.areas()[bare].sum()) / part.area()
@@ -110,7 +107,7 @@ class Cells(NamedTuple):
     in the patterns.
     """
 
-    pieces: "list[tuple[Net, ndarray]]"
+    pieces: list[tuple[Net, ndarray]]
     angles: ndarray
     areas: ndarray
     centres: ndarray
@@ -119,8 +116,6 @@ class Cells(NamedTuple):
     @classmethod
     def of(cls, part: Part) -> "Cells":
         """Cells of the pieces of a part."""
-        from ..nets.flat_pattern import shares_inside
-
         pieces, angles, areas, centres, whole = [], [], [], [], 0.0
         for k, (net, mask) in enumerate(part.pieces):
             shares, middle = mask.astype(float), net.middles()
@@ -184,10 +179,8 @@ def figures_of(
     return figures
 
 
-def _warp_deg(tool: "TriangleMesh", net: "Net") -> float:
+def _warp_deg(tool: TriangleMesh, net: Net) -> float:
     """Angle of the first warp thread to the x axis of the tool at the start."""
-    from ..surfaces.surface import Axes
-
     i, j = net.start
     x = net.positions
     ahead = x[:, min(i + 1, x.shape[1] - 1), j] - x[:, max(i - 1, 0), j]

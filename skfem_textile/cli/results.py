@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy import ndarray
 
+from .. import io
 from ..cases.schema import Output
 from ..mesh.checks import MeshError
 from ..mesh.requirements import is_installed, lacks
@@ -151,8 +152,6 @@ PATTERN = ("pattern.csv", "pattern.svg", "pattern.dxf")
 
 def write_patterns(folder: Path, patterns: Sequence[FlatPattern]) -> None:
     """Write flat patterns to all `PATTERN` files; a .dxf only if ezdxf is installed."""
-    from .. import io
-
     for name in PATTERN:
         if name.endswith("dxf") and not is_installed("ezdxf"):
             say(f"not written: {lacks(name, 'dxf', 'ezdxf')}")
@@ -192,7 +191,6 @@ class DrapeExport:
         part, curve = output.part_mesh, output.trim
         if part is None and curve is None:
             return cls()
-        from .. import io
 
         mesh = None if part is None else io.read_tool_mesh(part)
         if curve is not None:
@@ -233,7 +231,6 @@ class DrapeExport:
         return [f"{what}: {figures[what]}" for what in requested if what in figures]
 
     def _fibres(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
-        from .. import io
 
         if self.part is None:
             return {}

@@ -6,36 +6,35 @@ from collections.abc import Mapping
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import msgspec
 import numpy as np
 
-from .. import __version__
+from .. import __version__, io
 from ..cases.build import built
 from ..cases.read import CaseFile, CaseFileError, declared, default_laws, read_tables
 from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
 from ..declarations.words import is_case_file
+from ..mesh.progress import log_to_stderr, shown
 from ..mesh.user_input import printable
 from ..scenes.scene import Case
 from ..solve.interval import ErrorInterval
 from ..solve.quantities import first_rows
 from ..solve.result import Result, StepError
-from ..solve.states import State
+from ..solve.stepper import LoadStepper
 from ..solve.tolerance import ToleranceStepper
 from . import results
-from .curve import CURVE, curve_of, read_test_curve, write_curve
+from .curve import CURVE, Curve, curve_of, read_test_curve, write_curve
 from .interruption import INTERRUPTED, held
 from .output import STOPPED_EARLY, OutputError, complain, say
 from .page import say_rows
-from .progress import load, log_to_stderr, shown
 from .report import REPORT
 from .result_folder import ResultFolder
 from .run_options import tables_of_options
 
-if TYPE_CHECKING:
-    from .curve import Curve
-    from .progress import Stepper
+#: Either load stepper of a run.
+Stepper: TypeAlias = LoadStepper | ToleranceStepper
 
 # All pictures that a run may draw.
 _PICTURES = (
@@ -68,15 +67,13 @@ def run(options: argparse.Namespace) -> int:
 @np.errstate(over="ignore", invalid="ignore")  # results that are not finite are refused
 def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> int:
     """Run the case of tables with files in a folder; returns the exit code."""
-    from .. import io
-
     file = declared(tables, base)
     if options.no_render:
         file = msgspec.structs.replace(
             file, output=msgspec.structs.replace(file.output, pictures=False)
         )
     log_to_stderr(options.verbose)
-    with shown("preparing the case"):
+    with shown("preparing the case", printed=True):
         case = built(file, default=default_laws(tables))
         export = results.DrapeExport.read(file.output)
         checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
@@ -94,7 +91,7 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
         files = (*numbers, *WRITTEN_FILES, *drapes, *fields, *_PICTURES, REPORT)
         out = ResultFolder(options.out, files)
         resume = options.resume is not None
-        code, message, refusal = load(stepper, resume)
+        code, message, refusal = _load(stepper, resume)
     result = stepper.result
     provenance = {
         "inputs": {"version": __version__, **tables_of(file)},
@@ -118,7 +115,7 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
             complete = True
         if code != INTERRUPTED:
             # Include the error interval.
-            with shown("estimating the error"):
+            with shown("estimating the error", printed=True):
                 summary = export.added(case.summary(result) | provenance, exported)
                 curve = curve_of(case.scene, result)
             _write_again(summary, curve, options)
@@ -148,6 +145,35 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
     if message:
         complain(message)
     return code
+
+
+def _load(stepper: Stepper, resume: bool) -> tuple[int, str, StepError | None]:
+    """Run a load stepper: exit code, final message, and the error that stopped it."""
+    try:
+        stepper.run(resume=resume)
+    except StepError as error:
+        return STOPPED_EARLY, str(error), error
+    except KeyboardInterrupt:
+        if not stepper.states:
+            raise
+        return INTERRUPTED, _interruption(stepper), None
+    return 0, "", None
+
+
+def _interruption(stepper: Stepper) -> str:
+    at = stepper.states[-1].load_factor
+    if hasattr(stepper, "tolerance"):
+        return (
+            "interrupted before the tolerance was met: the last converged state, "
+            f"at load factor {at:.6g}, is written"
+        )
+    kept, lost = (
+        "--resume continues the run from there",
+        "only a run with --checkpoint can be resumed",
+    )
+    advice = kept if stepper.checkpoint else lost
+    written = f"the last converged state, at load factor {at:.6g}, is written"
+    return f"interrupted: {stepper.result.not_on_tool or written}; {advice}"
 
 
 def versions() -> dict[str, str]:
@@ -185,11 +211,9 @@ def _to_tolerance(
 
 
 def _write_again(
-    summary: Mapping[str, Any], curve: "Curve", options: argparse.Namespace
+    summary: Mapping[str, Any], curve: Curve, options: argparse.Namespace
 ) -> None:
     """Replace summary and curve without an error interval, if possible."""
-    from .. import io
-
     try:
         with held(), ResultFolder(options.out, ("summary.json", CURVE)) as folder:
             io.write_summary(summary, folder / "summary.json")
@@ -200,11 +224,7 @@ def _write_again(
 
 def _without_interval(result: Result) -> Result:
     """Result before its error interval, which may be slow and interrupted."""
-    return replace(result, interval=_interrupted)
-
-
-def _interrupted(state: State) -> ErrorInterval:
-    return ErrorInterval(reason="interrupted")
+    return replace(result, interval=lambda _: ErrorInterval(reason="interrupted"))
 
 
 def _note(text: str, options: argparse.Namespace) -> None:
@@ -215,8 +235,8 @@ def _note(text: str, options: argparse.Namespace) -> None:
 def _draw(
     case: Case,
     run: Result | StepError,
-    curve: "Curve",
-    test: "Curve | None",
+    curve: Curve,
+    test: Curve | None,
     options: argparse.Namespace,
 ) -> bool:
     """Draw pictures, or print the reason why not; False after an interruption.
@@ -224,7 +244,10 @@ def _draw(
     The numbers are already written.
     """
     try:
-        with ResultFolder(options.out, _PICTURES) as folder, shown("drawing pictures"):
+        with (
+            ResultFolder(options.out, _PICTURES) as folder,
+            shown("drawing pictures", printed=True),
+        ):
             results.draw(case.scene, run, curve, test, folder)
     except Exception as error:
         _note(f"the pictures were not drawn: {printable(error)}", options)
@@ -248,7 +271,7 @@ def _checkpoint(
     return named.pop() if named else out / "checkpoint"
 
 
-def _checkpoint_note(stepper: "Stepper") -> str:
+def _checkpoint_note(stepper: Stepper) -> str:
     """Message on the checkpoint of a run whose results cannot be written."""
     if stepper.checkpoint is None:
         return "the run cannot be resumed, because --checkpoint was not given"

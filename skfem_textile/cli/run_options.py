@@ -13,8 +13,9 @@ from ..cases.schema import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
 from ..declarations import words
 from ..declarations.scenes import OnTool, Specimen
+from ..declarations.words import Options, option
 from ..mesh.user_input import printable
-from .options import add_outputs
+from .options import OUTPUTS, add
 from .output import say
 
 # Options for common keys, in addition to the keys of the scene.
@@ -64,6 +65,36 @@ _OPTIONS_ON_TOOL = {
     "trim": (
         "output.trim",
         "table or DXF file of the curve along which the flat pattern is trimmed",
+    ),
+}
+
+# Options of every scene and case file, besides their keys.
+_EVERY: Options = {
+    "--set": option(
+        "set any key of a case file, such as stepping.method=plain",
+        words.setting,
+        "KEY=VALUE",
+        action="extend",
+        nargs="+",
+        default=[],
+    ),
+    "--checkpoint": option(
+        "write every converged step to a checkpoint (default folder: `checkpoint` in "
+        "DIR)",
+        words.folder,
+        "FOLDER",
+        nargs="?",
+        const=True,
+    ),
+    "--resume": option(
+        "resume an interrupted run from its checkpoint, and continue to write it",
+        words.folder,
+        "FOLDER",
+        nargs="?",
+        const=True,
+    ),
+    "--json": option(
+        "print summary.json instead of the first quantities", action="store_true"
     ),
 }
 
@@ -119,7 +150,7 @@ def _add_scene(
         action=_Help,
         help="show this help; `--help all` also lists every key for --set",
     )
-    add_outputs(parser)
+    add(parser, OUTPUTS)
     if scene is not None:
         defaults = tables_of(declared({"scene": {"name": name}}))
         of_scene = parser.add_argument_group(name.replace("_", " "))
@@ -136,16 +167,13 @@ def _add_scene(
             table, key = path.split(".")
             help_text = about + _default(defaults[table].get(key))
             _add_key(group, flag, path, _type_of(path), help_text)
+    add(parser, _EVERY)
     parser.add_argument(
-        "--set",
-        action="extend",
-        nargs="+",
-        default=[],
-        type=words.setting,
-        metavar="KEY=VALUE",
-        help="set any key of a case file, such as stepping.method=plain",
+        *("-v", "--verbose"),
+        action="count",
+        default=0,
+        help="log every step; if given twice, every iteration",
     )
-    _add_course(parser)
 
 
 def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
@@ -199,41 +227,6 @@ def _type_of(path: str) -> Any:
 
 def _without_unit(key: str) -> str:
     return re.sub(r"_(deg|mm|N|N_per_mm2?)$", "", key)
-
-
-def _add_course(parser: argparse.ArgumentParser) -> None:
-    """Add the options that do not change results."""
-    parser.add_argument(
-        "--checkpoint",
-        type=words.folder,
-        nargs="?",
-        const=True,
-        metavar="FOLDER",
-        help=(
-            "write every converged step to a checkpoint (default folder: `checkpoint` "
-            "in DIR)"
-        ),
-    )
-    parser.add_argument(
-        "--resume",
-        type=words.folder,
-        nargs="?",
-        const=True,
-        metavar="FOLDER",
-        help="resume an interrupted run from its checkpoint, and continue to write it",
-    )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print summary.json instead of the first quantities",
-    )
-    parser.add_argument(
-        "-v",
-        "--verbose",
-        action="count",
-        default=0,
-        help="log every step; if given twice, every iteration",
-    )
 
 
 class _Formatter(argparse.HelpFormatter):

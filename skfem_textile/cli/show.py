@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..fabric.directions import FibreDirections, warn_of_directions
+from ..io import OF_DIRECTIONS, read_directions, read_mesh, write_directions
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import printable
 from .interruption import held
@@ -27,8 +28,6 @@ def run(options: argparse.Namespace) -> int:
     OSError, OutputError
         If the folder cannot be written.
     """
-    from ..io import OF_DIRECTIONS, read_mesh, write_directions
-
     in_mesh = options.warp is None and options.directions in (None, options.mesh)
     mesh = read_mesh(options.mesh, OF_DIRECTIONS if in_mesh else ())
     directions = _directions(
@@ -47,7 +46,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _directions(options: argparse.Namespace, n_elements: int) -> FibreDirections:
-    from ..io import read_directions
 
     angles = options.warp, options.weft
     if (angles[0] is None) != (angles[1] is None):

@@ -173,7 +173,7 @@ Options: TypeAlias = dict[str, dict[str, Any]]
 
 
 def option(
-    text: str, of: Any = None, metavar: str | None = None, **more: Any
+    text: str, of: Any = None, metavar: str | tuple[str, ...] | None = None, **more: Any
 ) -> dict[str, Any]:
     """Keywords of an option; its help ends with its default, if any."""
     default = " (default: %(default)s)" if more.get("default") else ""

@@ -1,10 +1,11 @@
-"""Progress of long computations, on stderr.
+"""Progress of long computations, and their log, on stderr.
 
 Nothing is shown in the first two seconds.  A terminal or a notebook then shows one
 line, which is erased at the end.  Elsewhere the command line prints a line every ten
 seconds, and other programs print nothing unless `SWITCH` is 1.
 """
 
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -80,6 +81,23 @@ def clear() -> None:
         with suppress(OSError, ValueError):  # a closed stream
             stream.write(f"\r{'':{width}}\r")
             stream.flush()
+
+
+def log_to_stderr(verbose: int) -> None:
+    """Send the log to stderr, with every step for 1, every iteration for 2."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Formatter("%(message)s"))
+    log = logging.getLogger("skfem_textile")
+    log.handlers[:] = [handler]
+    log.setLevel([logging.WARNING, logging.INFO, logging.DEBUG][min(verbose, 2)])
+
+
+class _Formatter(logging.Formatter):
+    """Formatter that erases the visible line of progress before each message."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        clear()
+        return super().format(record)
 
 
 def _show(stream: TextIO, wait: Callable[[float], bool]) -> None:

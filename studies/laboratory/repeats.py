@@ -16,8 +16,7 @@ from skfem_textile.calibration import (
     fit_tests,
     read_specimens,
 )
-from skfem_textile.calibration.choice import SHEAR_LAWS
-from skfem_textile.calibration.selection import AUTO
+from skfem_textile.calibration.choice import AUTO, SHEAR_LAWS
 
 from ..study import Row
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skfem_textile.calibration import CantileverTest, fit_tests, read_cantilever
-from skfem_textile.calibration.preparing.outliers import wild
+from skfem_textile.calibration.outliers import wild
 from skfem_textile.calibration.report import reports_of
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_fabric

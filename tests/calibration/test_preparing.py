@@ -13,7 +13,7 @@ from skfem_textile.calibration import (
     Zeros,
     prepare,
 )
-from skfem_textile.calibration.preparing.outliers import outliers, overloads
+from skfem_textile.calibration.outliers import outliers, overloads
 from skfem_textile.calibration.report import data_report
 from skfem_textile.calibration.specimens import BELIEVED
 from tests.helpers.fits import BIAS, FRAME, fit_shear, of_shear

@@ -13,9 +13,13 @@ from skfem_textile.calibration import (
     fitting,
     selection,
 )
-from skfem_textile.calibration.comparison import with_best
 from skfem_textile.calibration.report import reports_of
-from skfem_textile.calibration.selection import Candidate, best_of, cross_validated
+from skfem_textile.calibration.selection import (
+    Candidate,
+    best_of,
+    cross_validated,
+    with_best,
+)
 from tests.helpers import fits
 from tests.helpers.fits import FRAME, fit_shear, fit_tension, of_shear
 

@@ -6,7 +6,7 @@ import pytest
 from skfem_textile import CrimpToe, Linear
 from skfem_textile.calibration import PictureFrame
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.fit_options import TESTS
+from skfem_textile.cli.options import TESTS
 from skfem_textile.fabric.files import read_law
 from skfem_textile.io import read_fabric
 from tests.helpers.command_line import run, summary_in

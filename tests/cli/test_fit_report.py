@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear, Locking, Polynomial
-from skfem_textile.calibration import PictureFrame, comparison
+from skfem_textile.calibration import PictureFrame, selection
 from skfem_textile.cases import case_from_tables
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.fit_report import _law_row
@@ -108,7 +108,7 @@ def of_joint(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figure, "draw_panels", keep_panels)
         laws = {f"polynomial of degree {n}": ("polynomial", n) for n in (3, 7)}
-        patch.setattr(comparison, "_SHEAR_CANDIDATES", laws)
+        patch.setattr(selection, "_SHEAR_CANDIDATES", laws)
         fit(
             "joint",
             joint_file(folder, TOE),

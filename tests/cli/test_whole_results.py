@@ -9,7 +9,7 @@ import pytest
 
 from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.cli import main as cli
-from skfem_textile.cli import parser
+from skfem_textile.cli.main import command_parser
 from skfem_textile.cli.output import OutputError
 from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.cli.run import run
@@ -144,5 +144,5 @@ def test_results_are_written_if_nothing_can_be_printed(tmp_path, capsys, monkeyp
     monkeypatch.setattr("skfem_textile.cli.output.silence", lambda _: None)
     line = "run", "strip", *QUICK, "--out", str(tmp_path / "out")
     with pytest.raises(OutputError, match="cannot write to the standard output"):
-        run(parser.command_parser(line).parse_args(line))
+        run(command_parser(line).parse_args(line))
     assert (tmp_path / "out" / "summary.json").exists()

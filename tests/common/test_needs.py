@@ -12,7 +12,7 @@ from skfem import MeshQuad
 
 import skfem_textile
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
-from skfem_textile.cli.parser import COMMANDS
+from skfem_textile.cli.main import COMMANDS
 from skfem_textile.forms.kernels import kernel as kernels
 from skfem_textile.mesh.pattern import Pattern
 from skfem_textile.scenes import picture_frame, strip

@@ -11,7 +11,7 @@ import skfem_textile
 from skfem_textile import Fabric, Force, LoadStepper, Ply, Polynomial, io, write_law
 from skfem_textile.cli import results
 from skfem_textile.cli.curve import CURVE
-from skfem_textile.cli.parser import command_parser
+from skfem_textile.cli.main import command_parser
 from skfem_textile.io.results import cell_fields, point_fields
 from skfem_textile.scenes import bias_extension
 

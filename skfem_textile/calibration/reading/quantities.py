@@ -6,29 +6,29 @@ import unicodedata
 from importlib.resources import files
 
 from ...fabric.laws.tabulated import ANGLE
+from ...mesh.user_input import IN_MM
 
-_LENGTH = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 _FORCE = {
     **{"N": 1.0, "kN": 1000.0, "cN": 0.01, "mN": 0.001, "daN": 10.0},
     **{"lbf": 4.4482216152605, "kgf": 9.80665, "gf": 9.80665e-3},
 }
 _STRAIN = {"-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "%": 0.01}
-_FORCE_PER_LENGTH = {"N/mm": 1.0, "kN/m": 1.0}
+_FORCE_PERIN_MM = {"N/mm": 1.0, "kN/m": 1.0}
 
 #: Columns of a test by name, with the factors of their units to mm, N, radians, strain
 #: and N/mm.
 COLUMNS: dict[str, dict[str, float]] = {
-    "displacement": _LENGTH,
+    "displacement": IN_MM,
     "force": _FORCE,
     "half-width of the force": _FORCE,
     "shear angle": ANGLE,
-    "normalised shear force": _FORCE_PER_LENGTH,
+    "normalised shear force": _FORCE_PERIN_MM,
     "strain": _STRAIN,
     "warp strain": _STRAIN,
     "weft strain": _STRAIN,
     "warp force": _FORCE,
     "weft force": _FORCE,
-    "overhang": _LENGTH,
+    "overhang": IN_MM,
     "chord angle": ANGLE,
 }
 
@@ -117,7 +117,7 @@ def quantity_of(name: str, unit: str) -> tuple[str, bool]:
     The unit decides where the name does not: newtons are a force.
     """
     named = column_named(name)
-    if named == "strain" and unit in _LENGTH:
+    if named == "strain" and unit in IN_MM:
         named = "displacement"  # an elongation, which machines also name strain
     elif named == "displacement" and unit in _STRAIN:
         named = "strain"

@@ -5,7 +5,7 @@ overrules each decision.  A file that allows two readings is refused with both.
 """
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import zip_longest
@@ -17,17 +17,35 @@ from numpy import ndarray
 from ...fabric.law import Resistance, refuse_other_units
 from ...fabric.laws.tabulated import ANGLE
 from ...mesh.user_input import excerpt, printable
-from .layout import SEPARATORS, Block, Line, blocks_of, column_headings, separator_of
-from .numbers import (
-    MARKS,
-    AmbiguousMarkError,
-    decimal_mark,
+from .layout import (
+    SEPARATORS,
+    Block,
+    Line,
+    blocks_of,
+    column_headings,
+    read_text,
+    separator_of,
+)
+from .motion import (
+    DRIVING,
+    STRAINS,
+    Segment,
     explained,
+    falls,
+    goes_on,
     is_no_motion,
     is_noise,
+    jumps_back,
+    label_of,
+    largest,
+    moved_in,
+    turned_columns,
+)
+from .numbers import (
+    MARKS,
+    decimal_mark,
     is_number,
     number,
-    read_text,
 )
 from .quantities import (
     COLUMNS,
@@ -37,7 +55,6 @@ from .quantities import (
     quantity_of,
     split_heading,
 )
-from .segments import Segment, goes_on, jumps_back, label_of
 
 # Endings of the files of a folder that are read.
 _ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc")
@@ -51,12 +68,6 @@ _LISTED = 5
 # Share of the longest table below which a table beside the segments contains results,
 # such as maxima.
 _SHORT = 0.2
-
-# Driving quantities of a biaxial test.
-_STRAINS = "warp strain", "weft strain"
-
-#: Driving quantities, one of which a shear or tensile test requires.
-DRIVING = "displacement", "shear angle", "strain"
 
 
 @dataclass(frozen=True)
@@ -279,10 +290,8 @@ class _File:
         blocks = blocks_of(self.text, self.separator)
         if not blocks:
             raise ValueError(f"{self.file}: the file contains no rows of numbers")
-        longest = max(len(block.rows) for block in blocks)
-        long = [block for block in blocks if len(block.rows) >= _SHORT * longest]
-        known = [_names(block) for block in long]
-        least = _SHORT * longest
+        least = _SHORT * max(len(block.rows) for block in blocks)
+        known = [_names(block) for block in blocks if len(block.rows) >= least]
         return [x for x in blocks if len(x.rows) >= least or _names(x) in known]
 
     @cached_property
@@ -299,7 +308,7 @@ class _File:
         )
         try:
             return decimal_mark(cells, self.separator)
-        except AmbiguousMarkError as error:
+        except ValueError as error:
             raise ValueError(f"{self.file}: {error}") from None
 
     def recordings(self) -> list[Recording]:
@@ -314,23 +323,23 @@ class _File:
         names = [self.path.name]
         if len(tests) > 1:
             names = [f"{self.path.name}, test {i + 1}" for i in range(len(tests))]
-        pairs = zip(names, tests, strict=True)
         found = []
-        for name, test in pairs:
-            self._refuse_noise(name, test)
-            found.append(_with_directions(_whole(name, test), self.form))
+        for name, test in zip(names, tests, strict=True):
+            recording = _whole(name, test)
+            self._refuse_noise(recording, test)
+            found.append(_with_directions(recording, self.form))
         return found
 
-    def _refuse_noise(self, name: str, test: Sequence["_Table"]) -> None:
+    def _refuse_noise(self, recording: Recording, test: Sequence["_Table"]) -> None:
         """An error if a driving quantity or the force of a test is noise."""
-        recording = _whole(name, test)
+        name = recording.name
         driving, forces = (
             [key for key in of if key in recording.columns]
-            for of in ((*DRIVING, *_STRAINS), FORCES)
+            for of in ((*DRIVING, *STRAINS), FORCES)
         )
         by_name, labels = recording.columns, {x.quantity: x for x in test[0].columns}
         of_forces = [by_name[key] for key in forces]
-        pairs = [key for key in driving if key in DRIVING] or _largest(driving, by_name)
+        pairs = [key for key in driving if key in DRIVING] or largest(driving, by_name)
         for key in pairs if forces else ():
             if is_no_motion(by_name[key], of_forces):
                 raise ValueError(
@@ -353,10 +362,8 @@ class _File:
         for column in self._columns(test[0].block):
             if column.unit not in units or column in test[0].columns:
                 continue
-            rows = [row for table in test for _, row in table.block.rows]
-            values = np.array(
-                [number(row[column.position], self.decimal) for row in rows]
-            )
+            rows = [row for table in test for row in table.block.rows]
+            values = self._numbers(rows, column.position)
             if values.size != forces[0].size or is_no_motion(values, forces):
                 continue
             found[column] = explained(forces[0], values)
@@ -374,7 +381,7 @@ class _File:
         gaps = np.flatnonzero(np.diff(lines) > 1) + 1
         if not gaps.size:
             return [block]
-        moved = _moved(self._recording(block, self._repeats(block)[0]))
+        moved = moved_in(self._recording(block, self._repeats(block)[0]).columns)
         if moved.size != lines.size:
             return [block]
         parts, begin, label = [block], 0, label_of([x for _, x in block.titles])
@@ -393,7 +400,7 @@ class _File:
         repeats = self._repeats(block)
         used = {column.position for columns in repeats for column in columns}
         others = {
-            i: np.array([number(row[i], self.decimal) for _, row in block.rows])
+            i: self._numbers(block.rows, i)
             for i in range(block.width if len(self.blocks) > 1 else 0)
             if i not in used
         }
@@ -401,7 +408,7 @@ class _File:
         for place, columns in enumerate(repeats):
             read = self._recording(block, columns)
             if len(read.rows) or len(self.blocks) == 1:
-                moved = _moved(read)
+                moved = moved_in(read.columns)
                 segment = Segment(moved, others, label)
                 found.append(_Table(read, segment, place, block, columns))
         return found
@@ -445,8 +452,13 @@ class _File:
             unit = own or split_heading(f"({unit})")[1] if unit or own else ""
             unit = self._units.setdefault(name, unit) if name and not unit else unit
             self._units[name] = unit
-            columns.append(_Column(i, name, *_known(name, unit)))
+            quantity, named = quantity_of(name, unit)
+            columns.append(_Column(i, name, quantity, unit, named))
         return columns
+
+    def _numbers(self, rows: Sequence[Line], position: int) -> ndarray:
+        """Numbers of a column; nan for other cells."""
+        return np.array([number(cells[position], self.decimal) for _, cells in rows])
 
     def _position(self, columns: Sequence[_Column], given: int | str) -> int:
         if isinstance(given, int):
@@ -487,20 +499,22 @@ class _File:
         filled = np.zeros(len(rows), dtype=bool)
         for column in columns:
             cells = [row[column.position] for _, row in block.rows]
+            given = np.array([cell != "" for cell in cells])
             unit = self.form.units.get(column.quantity, column.unit)
             factor = self._factor(column, unit)
-            found = np.array([number(cell, self.decimal) for cell in cells]) * factor
-            wrong = np.flatnonzero(np.isnan(found) & np.array(list(map(bool, cells))))
+            found = factor * self._numbers(block.rows, column.position)
+            wrong = np.flatnonzero(np.isnan(found) & given)
             if wrong.size:
                 notes.append(
                     f"{rows_text(rows[wrong])}: '{excerpt(cells[wrong[0]])}' is not a "
                     f"number: the {column.quantity} is left out"
                 )
             self._refuse_faulty(block, wrong, cells)
-            filled |= np.array(list(map(bool, cells)))
+            filled |= given
             self._check_unit(column, unit, rows, found)
-            found, turned = self._signed(column.quantity, found)
-            values[column.quantity] = found
+            sign = self.form.signs.get(column.quantity, 1)
+            values[column.quantity] = sign * found
+            turned = ", sign turned" if sign < 0 else ""
             called = ", ".join(filter(None, [excerpt(column.heading), unit]))
             parts.append(
                 f"{column.quantity} from column {column.position + 1} ({called})"
@@ -521,10 +535,6 @@ class _File:
         values = {key: column[kept] for key, column in values.items()}
         return Recording(self.path.name, values, rows[kept], (read, *notes))
 
-    def _signed(self, quantity: str, values: ndarray) -> tuple[ndarray, str]:
-        sign = self.form.signs.get(quantity, 1)
-        return sign * values, ", sign turned" if sign < 0 else ""
-
     def _refuse_faulty(self, block: Block, wrong: ndarray, cells: list[str]) -> None:
         lines: list[Line] = block.faulty
         if wrong.size + len(lines) <= _FAULTY * len(block.rows):
@@ -544,24 +554,23 @@ class _File:
         name, allowed = column.quantity, COLUMNS[column.quantity]
         if unit in allowed:
             return allowed[unit]
-        others = {u for key, of in COLUMNS.items() if key != name for u in of}
-        if unit in others:
-            raise ValueError(
-                f"{self.file}: the unit of the column {name!r} must be one of "
-                f"{', '.join(allowed)}, got '{unit}': check whether columns are swapped"
+        weight, first = f"{unit}f", next(iter(allowed))  # weight of a mass, such as kg
+        got = f"got '{excerpt(unit)}'"
+        if any(unit in units for units in COLUMNS.values()):
+            do = "check whether columns are swapped"
+        elif not unit:
+            got = "and it has none"
+            do = (
+                f"specify it, such as --unit {_option(name)}={first}, or in the "
+                f"heading, such as '{name} ({first})'"
             )
-        most = f"{self.file}: the unit of the column {name!r} must be one of "
-        most += ", ".join(allowed)
-        if unit:
-            weight = f"{unit}f"  # of a mass, such as kg
+        elif weight in allowed:
+            do = f"use --unit {_option(name)}={weight} for the weight of this mass"
+        else:
             do = "convert the column, or specify its unit with --unit if it is wrong"
-            if weight in allowed:
-                do = f"use --unit {_option(name)}={weight} for the weight of this mass"
-            raise ValueError(f"{most}, got '{excerpt(unit)}': {do}")
         raise ValueError(
-            f"{most}, and it has none: specify it, such as --unit "
-            f"{_option(name)}={next(iter(allowed))}, or in the heading, such as "
-            f"'{name} ({next(iter(allowed))})'"
+            f"{self.file}: the unit of the column {name!r} must be one of "
+            f"{', '.join(allowed)}, {got}: {do}"
         )
 
     def _check_unit(
@@ -591,25 +600,6 @@ def _names(block: Block) -> frozenset[str]:
     """Quantities of a block by its headings."""
     names = (split_heading(heading) for heading, _ in column_headings(block))
     return frozenset(filter(None, (column_named(name) for name, _ in names)))
-
-
-def _moved(recording: Recording) -> ndarray:
-    """Driving quantity in the rows with numbers; empty if there is none."""
-    columns = recording.columns
-    names = [name for name in DRIVING if name in columns]
-    for name in names[:1] or _largest(_STRAINS, columns):
-        return columns[name][np.isfinite(columns[name])]
-    return np.zeros(0)
-
-
-def _largest(names: Iterable[str], columns: Mapping[str, ndarray]) -> list[str]:
-    """The one of some columns with the largest range, if there is one."""
-    ranges = {
-        name: float(np.ptp(known)) if (known := x[np.isfinite(x)]).size else 0.0
-        for name in names
-        if (x := columns.get(name)) is not None
-    }
-    return [max(ranges, key=lambda name: ranges[name])] if ranges else []
 
 
 def _length(test: Sequence[_Table]) -> int:
@@ -653,33 +643,15 @@ def _whole(name: str, test: Sequence[_Table]) -> Recording:
     return Recording(name, columns, rows, tuple(said))
 
 
-def _known(name: str, unit: str) -> tuple[str, str, bool]:
-    quantity, named = quantity_of(name, unit)
-    return quantity, unit, named
-
-
 def _option(name: str) -> str:
     """Name of a column on a command line."""
     return f"'{name}'" if " " in name else name
 
 
 def _with_directions(recording: Recording, form: Format) -> Recording:
-    """Recording with forces positive in tension, and displacements along them.
-
-    A force has the sign of its large values.  A displacement is turned if large
-    forces are at small displacements.
-    """
-    columns, turned = dict(recording.columns), []
-    for name in FORCES:
-        if name in columns and name not in form.signs and _points_down(columns[name]):
-            columns[name] = -columns[name]
-            turned.append(name)
-    force, moved = columns.get("force"), columns.get("displacement")
-    free = "displacement" not in form.signs
-    if free and force is not None and moved is not None and _opposed(moved, force):
-        columns["displacement"] = -moved
-        turned.append("displacement")
-    if len(turned) == 2 and turned[0] == "force" and _falls(columns["force"]):
+    """Recording with forces positive in tension, and displacements along them."""
+    turned = turned_columns(recording.columns, form.signs)
+    if len(turned) == 2 and "force" in turned and falls(turned["force"]):
         raise ValueError(
             f"{recording.name}: the force is negative and its magnitude decreases from "
             "the first row on, as in unloading with a turned sign, or in a test with a "
@@ -690,35 +662,5 @@ def _with_directions(recording: Recording, form: Format) -> Recording:
     read, *rest = recording.statements
     names = " and ".join(turned)
     statements = (f"{read}, sign of {names} turned", *rest)
-    return Recording(recording.name, columns, recording.rows, statements)
-
-
-def _points_down(force: ndarray) -> bool:
-    """True if forces of large magnitude are negative."""
-    known = force[np.isfinite(force)]
-    if not known.size:
-        return False
-    large = np.abs(known) >= np.quantile(np.abs(known), 0.8)
-    return bool(np.median(known[large]) < 0)
-
-
-def _opposed(moved: ndarray, force: ndarray) -> bool:
-    """True if displacements of large forces are smaller than at small ones.
-
-    Small forces before the large ones decide; later ones may follow a break.
-    """
-    known = np.isfinite(moved) & np.isfinite(force)
-    x, f = moved[known], force[known]
-    if x.size < 2:
-        return False
-    low, high = np.quantile(f, [0.2, 0.8])
-    small, large = np.flatnonzero(f <= low), np.flatnonzero(f >= high)
-    before = small[small < large[0]]
-    return bool(np.median(x[large]) < np.median(x[before if before.size else small]))
-
-
-def _falls(force: ndarray) -> bool:
-    """True if the force at the first rows exceeds that at the last rows."""
-    known: Iterable[float] = force[np.isfinite(force)]
-    thirds = np.array_split(np.asarray(known), 3)
-    return bool(np.median(thirds[0]) > np.median(thirds[-1]))
+    columns = {**recording.columns, **turned}
+    return replace(recording, columns=columns, statements=statements)

@@ -1,4 +1,4 @@
-"""Biaxial tests.
+"""Tests in tension: strips along one fibre family, and biaxial tests.
 
 Strains of a test are engineering strains, λ − 1; laws use ε = ln λ.  A fabric of width
 W normal to the load has the force F = W T(ε)/λ.
@@ -12,7 +12,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy import ndarray
 
-from .measured import FAMILIES, MeasuredTest
+from ..fabric.law import number
+from .measured import FAMILIES, MeasuredTest, beyond_slack
 from .preparing import Preparation, prepare
 from .reading import Format, read_recordings
 
@@ -28,6 +29,73 @@ class Along(NamedTuple):
     def tension(self) -> ndarray:
         """Tension T = F λ/W in N/mm."""
         return self.force * np.exp(self.strain) / self.width
+
+
+@dataclass(frozen=True, eq=False)
+class Strip(MeasuredTest):
+    """Tensile test of a strip, whose transverse fibres carry no load.
+
+    Attributes
+    ----------
+    family
+        Family along the load, ``warp`` or ``weft``.
+    width, length
+        Width, and length between the clamps, in mm.
+    displacement, force
+        Displacement in mm and force in N, shape (n,).
+    slack
+        Displacement in mm at which the strip is taut; None if a fit is to determine it.
+    assumed_slack
+        Slack in mm at which such a fit begins, and which determines the largest strain;
+        None before it is estimated.
+
+    Raises
+    ------
+    ValueError
+        If the family is unknown, or a length is not positive.
+    """
+
+    family: str
+    width: float
+    length: float
+    displacement: ndarray
+    force: ndarray
+    slack: float | None = 0.0
+    assumed_slack: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.family not in FAMILIES:
+            raise ValueError(
+                f"{self.name}: the family must be warp or weft, got {self.family!r}"
+            )
+        number("the width of the strip", self.width, above=0)
+        number("the length of the strip", self.length, above=0)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """See `MeasuredTest.parts`."""
+        return (self.family,)
+
+    @property
+    def slack_is_unknown(self) -> bool:
+        """True if a fit is to determine the slack."""
+        return self.slack is None
+
+    def strain(self, slack: float) -> ndarray:
+        """Logarithmic strain ln(1 + δ/L); 0 within a slack."""
+        moved = beyond_slack(self.displacement, slack, not self.slack_is_unknown)
+        return np.log1p(moved / self.length)
+
+    def along(self, family: int) -> Along | None:
+        """Strain, force and width of a family; None for the transverse one."""
+        if FAMILIES[family] != self.family:
+            return None
+        slack = self.assumed_slack if self.slack_is_unknown else self.slack
+        return Along(self.strain(slack or 0.0), self.force, self.width)
+
+    def with_slack(self, zeros: Mapping[str, float]) -> Self:
+        """See `MeasuredTest.with_slack`."""
+        return replace(self, assumed_slack=zeros["slack"]) if zeros else self
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +123,11 @@ class BiaxialCurve(MeasuredTest):
     slack_is_unknown: bool = False
     assumed_slack: tuple[float, float] | None = None
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """See `MeasuredTest.parts`."""
+        return (*FAMILIES, "both")
+
     def along(self, family: int) -> Along:
         """Strain, force and width of a family."""
         slack = (self.assumed_slack or (0.0, 0.0))[family]
@@ -80,6 +153,41 @@ class BiaxialCurve(MeasuredTest):
         elongation = np.expm1(self.strain[family])
         beyond = np.maximum(elongation - slack, 0.0)
         return np.log1p(np.where(elongation > 0, beyond, elongation))
+
+
+def read_strips(
+    path: str | os.PathLike[str],
+    family: str,
+    width: float,
+    length: float,
+    form: Format | None = None,
+    choices: Preparation | None = None,
+) -> list[Strip]:
+    """Tensile tests of a file or folder with displacement, or strain, and force.
+
+    Parameters
+    ----------
+    path, form
+        See `read_recordings`, with its errors.
+    family, width, length
+        See `Strip`.
+    choices
+        See `prepare`, with its errors.
+    """
+    choices, strips = choices or Preparation(), []
+    for recording in read_recordings(path, form):
+        driving = "strain" if "strain" in recording.columns else "displacement"
+        complete = recording.complete(driving, "force")
+        prepared = prepare(complete, driving, ["force"], choices)
+        read, slack = prepared.recording, prepared.zero(choices.slack)
+        moved = read.column(driving) * (length if driving == "strain" else 1.0)
+        strips.append(
+            Strip(
+                *(read.name, family, width, length, moved, read.column("force"), slack),
+                prepared=prepared,
+            )
+        )
+    return strips
 
 
 def read_biaxial(

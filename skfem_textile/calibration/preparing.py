@@ -1,17 +1,38 @@
 """Preparation of recordings for a fit: branch, outliers and origin, each stated."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy import ndarray
 
-from ..reading.recording import Recording, rows_text
-from .branches import AT_A_TURN, REVERSAL, Branch, branches_of, first_complete
 from .outliers import NORMAL, departures, outliers, overloads, running_median
+from .reading import Recording, rows_text
 
 #: Branches by name.
 BRANCHES = "loading", "unloading", "both"
+
+#: Reversal of the motion, relative to its range, between two branches.  Chosen: far
+#: above the noise of a machine.
+REVERSAL = 0.1
+
+# Rows of the running median of the motion: spikes of one or two rows do not count as
+# reversals.
+_NEIGHBOURS = 5
+
+# Rows by which turns of the running median and of the motion may differ.
+_AT_A_TURN = _NEIGHBOURS // 2
+
+# Distance to the end of a branch, relative to the range, within which the motion is at
+# rest: the rows of a dwell belong to neither branch.
+_DWELL = 0.005
+
+# Fewest rows of a dwell: fewer may be steps smaller than its tolerance.
+_LONG_DWELL = 5
+
+# Share of the largest value that the first complete loading reaches.
+_COMPLETE = 0.95
 
 #: Largest distance of the first point from rest, relative to the range.
 FIRST = 0.06
@@ -25,9 +46,6 @@ _BEGINNING = 3
 # Jump of the driving quantity, relative to its range, in a single row, and in standard
 # deviations of its noise: no machine moves this far forth and back between readings.
 _JUMP, _DEVIATIONS = 0.02, 10.0
-
-# Rows of the running median of the driving quantity.
-_NEIGHBOURS = 5
 
 # Force, relative to the largest one, below which a curve that ends is broken.  Chosen:
 # loads of fabrics that slip or wrinkle fall by less, and noise is far smaller.
@@ -99,6 +117,34 @@ class Preparation:
             )
 
 
+@dataclass(frozen=True)
+class Branch:
+    """Consecutive rows of one direction.
+
+    Attributes
+    ----------
+    loading
+        True for loading, False for unloading.
+    cycle
+        Number of the cycle from 1 on.
+    begin, end
+        First index, and the index after the last one.
+    reach
+        Largest value of the driving quantity.
+    """
+
+    loading: bool
+    cycle: int
+    begin: int
+    end: int
+    reach: float
+
+    @property
+    def kind(self) -> str:
+        """The direction in words."""
+        return "loading" if self.loading else "unloading"
+
+
 @dataclass(frozen=True, eq=False)
 class Prepared:
     """Recording prepared for a fit.
@@ -165,7 +211,7 @@ def prepare(
     complete = recording.complete(driving, *forces)
     jumps = _jumps(complete.column(driving)) & choices.outliers
     clean = complete.select(~jumps)
-    branches = branches_of(clean.column(driving))
+    branches = _branches_of(clean.column(driving))
     each, statements = _chosen(clean, driving, forces[0], branches, choices)
     chosen = np.concatenate(each)
     branch = clean.select(chosen)
@@ -203,7 +249,7 @@ def _wrong(
     """
     number = recording.rows.size
     wrong, seen = np.zeros(number, dtype=int), np.zeros(number, dtype=int)
-    more = AT_A_TURN if len(each) > 1 else 0
+    more = _AT_A_TURN if len(each) > 1 else 0
     for rows in each:
         near = np.arange(max(rows[0] - more, 0), min(rows[-1] + 1 + more, number))
         branch = recording.select(near)
@@ -237,7 +283,7 @@ def _chosen(
         cycles = [b for b in branches if number in (None, b.cycle)]
     else:
         if number is None and branches:
-            number = first_complete(branches).cycle
+            number = _first_complete(branches).cycle
         loading = choices.branch == "loading"
         cycles = [b for b in branches if b.loading == loading and b.cycle == number]
     if not cycles and choices.cycle is None and choices.branch == "loading":
@@ -365,4 +411,60 @@ def _origin(
     )
 
 
-__all__ = ["BRANCHES", "FIRST", "REVERSAL", "Preparation", "Prepared", "prepare"]
+def _branches_of(x: ndarray) -> list[Branch]:
+    """Branches of a motion, split where it reverses by more than `REVERSAL`.
+
+    Parameters
+    ----------
+    x
+        Driving quantity in the order of recording, shape (n,).
+    """
+    smooth = running_median(x, _NEIGHBOURS) if x.size > _NEIGHBOURS else x
+    turns = _turning_points(smooth, REVERSAL * float(np.ptp(smooth)))
+    branches: list[Branch] = []
+    cycle = 1
+    for begin, end in pairwise(turns):
+        loading = bool(smooth[end] >= smooth[begin])
+        if loading and branches:
+            cycle += 1
+        last = end + 1 if end == x.size - 1 else end
+        reach = float(smooth[begin : end + 1].max())
+        branches.append(Branch(loading, cycle, begin, last, reach))
+    return [_without_dwell(smooth, one) for one in branches]
+
+
+def _first_complete(branches: list[Branch]) -> Branch:
+    """First loading that reaches the largest value, or else the first branch."""
+    loadings = [one for one in branches if one.loading]
+    if not loadings:
+        return branches[0]
+    most = max(one.reach for one in loadings)
+    return next(one for one in loadings if one.reach >= _COMPLETE * most)
+
+
+def _turning_points(x: ndarray, least: float) -> list[int]:
+    """Indices of the ends, and of extrema followed by a reversal."""
+    turns, extreme, direction = [0], 0, 0
+    for i in range(1, x.size):
+        if direction == 0:
+            if abs(x[i] - x[0]) > least:
+                direction, extreme = int(np.sign(x[i] - x[0])), i
+        elif (x[i] - x[extreme]) * direction > 0:
+            extreme = i
+        elif (x[extreme] - x[i]) * direction > least:
+            turns.append(extreme)
+            extreme, direction = i, -direction
+    return [*turns, x.size - 1]
+
+
+def _without_dwell(x: ndarray, branch: Branch) -> Branch:
+    """The branch up to the first row at its end."""
+    inside = x[branch.begin : branch.end]
+    if inside.size < 2:
+        return branch
+    last = inside.max() if branch.loading else inside.min()
+    near = np.abs(inside - last) <= _DWELL * np.ptp(x)
+    end = branch.begin + int(np.argmax(near)) + 1
+    if branch.end - end < _LONG_DWELL:
+        return branch
+    return replace(branch, end=end)

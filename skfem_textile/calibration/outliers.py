@@ -1,10 +1,8 @@
 """Rows that deviate from a smooth curve through their neighbours."""
 
-import importlib
-
 import numpy as np
+import scipy  # whose modules are imported on first use
 from numpy import ndarray
-from scipy import special
 
 # Minimum number of rows; with fewer, a deviation is not distinguishable from the curve.
 _FEWEST = 12
@@ -75,13 +73,13 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
     if n < _FEWEST or not np.ptp(x) > 0:
         return found
     order = np.argsort(x, kind="stable")
-    z, v = _scaled(x[order]), y[order]
+    z, v = (x[order] - x[order[0]]) / np.ptp(x), y[order]
     size = float(np.ptp(np.quantile(v, [0.02, 0.98]))) or float(np.ptp(v))
     if not size > 0:
         return found
     basis = _splines(z)
     freedom = _EFFICIENCY * (n - basis.shape[1])
-    limit = special.stdtrit(freedom, 1 - 0.5 * _FALSE / n)
+    limit = scipy.special.stdtrit(freedom, 1 - 0.5 * _FALSE / n)
     jumps = departures(v, _CLOSE) > _LEAST * size
     flagged = np.zeros(n, dtype=bool)
     for _ in range(_ROUNDS):
@@ -129,7 +127,9 @@ def wild(values: ndarray) -> ndarray:
     """
     middle = float(np.median(values))
     off = np.abs(values - middle)
-    limit = special.stdtrit(_EFFICIENCY * values.size, 1 - 0.5 * _FALSE / values.size)
+    limit = scipy.special.stdtrit(
+        _EFFICIENCY * values.size, 1 - 0.5 * _FALSE / values.size
+    )
     noise = NORMAL * float(np.median(off))
     return off > max(limit * noise, _LEAST_OF_REPEATS * abs(middle))
 
@@ -153,29 +153,22 @@ def departures(values: ndarray, window: int) -> ndarray:
     return np.where(off > _STEPS * step, off, 0.0)
 
 
-def _scaled(x: ndarray) -> ndarray:
-    return (x - x[0]) / np.ptp(x)
-
-
 def _splines(z: ndarray) -> ndarray:
     """Values of cubic B-splines at points between 0 and 1, shape (n, coefficients)."""
-    from scipy.interpolate import BSpline  # imported only if needed
-
     intervals = int(np.clip(z.size // _PER_INTERVAL, 1, _MOST_INTERVALS))
     inside = np.quantile(z, np.linspace(0.0, 1.0, intervals + 1)[1:-1])
     knots = np.concatenate([np.zeros(4), np.unique(inside), np.ones(4)])
-    return BSpline.design_matrix(np.clip(z, 0, 1), knots, 3).toarray()
+    return scipy.interpolate.BSpline.design_matrix(np.clip(z, 0, 1), knots, 3).toarray()
 
 
 def _robust(basis: ndarray, v: ndarray, kept: ndarray) -> ndarray:
     """Coefficients by the loss ``soft_l1``, from the running median."""
-    optimize = importlib.import_module("scipy.optimize")  # only if needed
     A, b = basis[kept], v[kept]
     start = np.linalg.lstsq(A, running_median(b, _NEIGHBOURS))[0]
     noise = NORMAL * float(np.median(np.abs(A @ start - b)))
     if not noise > 0:
         return start
-    found = optimize.least_squares(
+    found = scipy.optimize.least_squares(
         lambda c: A @ c - b, start, lambda c: A, loss="soft_l1", f_scale=noise
     )
     return np.asarray(found.x)

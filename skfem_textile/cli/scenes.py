@@ -1,14 +1,24 @@
-"""The command ``init``: a case file as a starting point."""
+"""The commands ``list`` and ``init``: scenes, and a case file as a starting point."""
 
-import argparse
+from argparse import Namespace
 
 from ..cases.read import declared
+from ..cases.scenes import SCENES
+from ..cases.schema import summary_of
 from ..cases.write import case_text
 from ..mesh.user_input import printable
 from .output import say
 
 
-def run(options: argparse.Namespace) -> int:
+def list_scenes(_: Namespace) -> int:
+    """Print a line for each scene; returns the exit code."""
+    width = max(map(len, SCENES)) + 2
+    for name, scene in SCENES.items():
+        say(f"{name:{width}}{summary_of(scene)}")
+    return 0
+
+
+def write_case(options: Namespace) -> int:
     """Write the case file of a scene with all defaults and comments.
 
     Returns the exit code.
