@@ -337,7 +337,7 @@ class MovedMesh(Changed, MeshQuad):
     """Quadrilaterals of another mesh, whose nodes have moved."""
 
 
-def changed(mesh: MeshTri | MeshQuad, original: Mesh, parent: ndarray) -> Changed:
+def changed(mesh: Mesh, original: Mesh, parent: ndarray) -> Any:
     """A mesh that knows of which mesh it was made; names are kept."""
     kind: Any = CutMesh if isinstance(mesh, MeshTri) else MovedMesh
     of = {

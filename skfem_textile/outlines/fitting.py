@@ -130,6 +130,7 @@ def fitted(
         return Fitted(mesh, fabric, f"the mesh is left as it is: {error}")
     if SINGULAR not in (fit.mesh.boundaries or {}):
         return Fitted(mesh, fabric, "no fibre is singular within the mesh")
+    on: Any = fit.mesh
     n = mesh.p.shape[1]
     moved = int((fit.mesh.p[:, :n] != mesh.p).any(axis=0).sum())
     halved = mesh.t.shape[0] == 4 and fit.mesh.t.shape[0] == 3
@@ -139,9 +140,9 @@ def fitted(
         f"singular fibres"
     )
     if isinstance(fabric, Mapping):
-        fabrics = {name: along_edges(fit.mesh, one) for name, one in fabric.items()}
+        fabrics = {name: along_edges(on, one) for name, one in fabric.items()}
         return Fitted(fit.mesh, fabrics, note)
-    return Fitted(fit.mesh, along_edges(fit.mesh, fabric), note)
+    return Fitted(fit.mesh, along_edges(on, fabric), note)
 
 
 def fit_to_fibres(
@@ -183,7 +184,8 @@ def fit_to_fibres(
     (True, True)
     """
     check_mesh(mesh)
-    fabrics, regions = {}, {}
+    fabrics: dict[str, Fabric] = {}
+    regions: dict[str, ndarray] = {}
     if isinstance(fabric, Mapping):
         fabric, fabrics, regions = _of_subdomains(mesh, fabric)
     outline = Outline.of_mesh(mesh, regions)
@@ -210,8 +212,9 @@ def _of_subdomains(
     mesh: Mesh, given: Mapping[str, Fabric]
 ) -> tuple[Fabric, dict[str, Fabric], dict[str, ndarray]]:
     """The fabric around all regions, and fabrics and corners of the regions by name."""
-    around, fabrics, regions = list(given.values())[-1:], {}, {}
-    surrounding = []
+    around, surrounding = list(given.values())[-1:], list[str]()
+    fabrics: dict[str, Fabric] = {}
+    regions: dict[str, ndarray] = {}
     for name, fabric in given.items():
         elements = (mesh.subdomains or {}).get(name, ())
         shape = shapely.union_all(shapely.polygons(mesh.p[:, mesh.t[:, elements]].T))
