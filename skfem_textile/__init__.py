@@ -12,8 +12,8 @@ __version__ = "0.3.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 if find_spec("shapely") is None:  # names of `outlines`, for ``import *`` and `help`
-    _MISSING = {"Outline", "along_edges", "fit_to_fibres", "mesh_along_fibres"}
-    _MISSING |= {"mesh_outline", "singular_fibres"}
+    _MISSING = {"Outline", "along_edges", "fit_to_fibres", "fitted"}
+    _MISSING |= {"mesh_along_fibres", "mesh_outline", "singular_fibres"}
     __all__ = [name for name in __all__ if name not in _MISSING]
     __dir__ = __all__.copy
 

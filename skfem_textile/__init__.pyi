@@ -72,6 +72,7 @@ from .outlines import (
     Outline as Outline,
     along_edges as along_edges,
     fit_to_fibres as fit_to_fibres,
+    fitted as fitted,
     mesh_along_fibres as mesh_along_fibres,
     mesh_outline as mesh_outline,
     singular_fibres as singular_fibres,

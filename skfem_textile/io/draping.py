@@ -126,9 +126,9 @@ def write_draped(
         ply, cell_fields(ply, result.u, result.states[-1].parameters)
     )
     directions = FibreDirections(*(fields[name][:, :2].T for name in _VECTORS))
-    points = ply.mesh.p + moved[:, : ply.mesh.nvertices]
+    points = ply.users_mesh.p + ply.on_users_nodes(moved)
     for file in files:
-        write_directions(file, ply.mesh, directions, points)
+        write_directions(file, ply.users_mesh, directions, points)
 
 
 def write_net(path: str | os.PathLike[str], net: Pieces) -> None:

@@ -19,6 +19,7 @@ from ..contact.risks import (
     wrinkle_risk,
 )
 from ..forms.fields import FabricOnBasis
+from ..mesh.splitting import at_nodes
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from ..ply.terms import ContactTerm
@@ -30,6 +31,8 @@ from .vtk import write_grid, write_series
 
 if TYPE_CHECKING:
     from ..contact import PlacedTool
+# Changes fields of vertices or elements, by name.
+_Map = Callable[[dict[str, ndarray]], dict[str, ndarray]]
 
 
 def point_fields(ply: FabricOnBasis, u: ndarray) -> dict[str, ndarray]:
@@ -83,6 +86,13 @@ def fields_on_tool(
     if beyond is not None:
         of_elements["beyond_tool"] = beyond.astype(float)
     return {"contact_pressure": pressure[: ply.mesh.nvertices]}, of_elements
+
+
+def on_users_nodes(ply: Ply, fields: dict[str, ndarray]) -> dict[str, ndarray]:
+    """Fields of vertices at the user's nodes, linear between the vertices."""
+    mesh: Any = ply.mesh
+    matrix = at_nodes(ply.users_mesh, mesh.p, mesh.t, ply.parent)
+    return {name: matrix @ x for name, x in fields.items()}
 
 
 def on_users_elements(ply: Ply, fields: dict[str, ndarray]) -> dict[str, ndarray]:
@@ -148,10 +158,11 @@ def write_fields(
             for old_file in folder.glob(pattern):
                 old_file.unlink()
         ply, mesh = result.ply, result.ply.mesh
-        _write_series(result, folder, axes, "", [mesh.t], lambda fields: fields)
+        _write_series(result, folder, axes, "", mesh.p, [mesh.t])
         if sum(cell.shape[1] for cell in ply.cells) < mesh.nelements:
-            of_users = partial(on_users_elements, ply)
-            _write_series(result, folder, axes, "own_", ply.cells, of_users)
+            maps = partial(on_users_nodes, ply), partial(on_users_elements, ply)
+            points = ply.users_mesh.p
+            _write_series(result, folder, axes, "own_", points, ply.cells, *maps)
         if has_tools(ply):
             write_tools(result, folder, axes)
 
@@ -161,16 +172,22 @@ def _write_series(
     folder: Path,
     axes: Axes,
     prefix: str,
+    nodes: ndarray,
     cells: Sequence[ndarray],
-    on_cells: Callable[[dict[str, ndarray]], dict[str, ndarray]],
+    on_points: _Map = dict,
+    on_cells: _Map = dict,
 ) -> None:
-    """Write a file per state, and the .pvd file that lists them."""
-    points_on_tool = axes.of_tool(np.pad(result.ply.mesh.p, ((0, 1), (0, 0))))
+    """Write a file per state, and the .pvd file that lists them.
+
+    ``on_points`` and ``on_cells`` map fields to the nodes and cells of the file.
+    """
+    points_on_tool = axes.of_tool(np.pad(nodes, ((0, 1), (0, 0))))
     files = {}
     for i, state in enumerate(result.states):
         name = f"{prefix}step_{i:04d}.vtu"
         points, fields = fields_in(result, state, axes)
-        write_grid(folder / name, points_on_tool, cells, on_cells(fields), points)
+        of_file = on_cells(fields), on_points(points)
+        write_grid(folder / name, points_on_tool, cells, *of_file)
         # Default fields of a viewer for colour and warp; meshio cannot set them.
         text = (folder / name).read_bytes()
         text = text.replace(b"<PointData>", b'<PointData Vectors="displacement">', 1)

@@ -12,7 +12,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import csr_matrix, hstack, identity
+from scipy.sparse import csr_matrix, eye, hstack, identity
 from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.helpers import cross
 
@@ -20,7 +20,7 @@ from .checks import MeshError, refuse_nodes
 from .graph import edges_of
 from .progress import shown
 from .scikit_fem import with_names
-from .selection import NamedNodes, edge_numbers, named_nodes
+from .selection import NamedNodes, edge_numbers, named_nodes, with_named_nodes
 from .user_input import coords
 
 
@@ -138,18 +138,21 @@ def split(mesh: Mesh) -> SplitMesh:
         )
     refuse_nodes(mesh.p, [mesh.t])
     edges = {k: mesh.facets[:, f] for k, f in (mesh.boundaries or {}).items()}
-    subdomains, nodes = dict(mesh.subdomains or {}), named_nodes(mesh)
-    if isinstance(mesh, MeshTri):
-        return split_cells(mesh.p, [mesh.t], edges, subdomains, nodes)
-    quads: Any = mesh
-    convex = (corner_areas(quads) > 0).all(axis=0)
-    if convex.all():
-        return split_cells(mesh.p, [mesh.t], edges, subdomains, nodes)
-    cells = [triangles_of(quads)[:, np.tile(~convex, 2)], mesh.t[:, convex]]
-    origin = np.concatenate([*[np.flatnonzero(~convex)] * 2, np.flatnonzero(convex)])
-    named = {k: np.flatnonzero(np.isin(origin, e)) for k, e in subdomains.items()}
-    parts = split_cells(mesh.p, cells, edges, named, nodes)
-    return replace(parts, originals=(mesh.t,), origin=origin)
+    cells, origin = [mesh.t], np.arange(mesh.nelements)
+    if not isinstance(mesh, MeshTri):
+        quads: Any = mesh
+        convex = (corner_areas(quads) > 0).all(axis=0)
+        if not convex.all():
+            halves, whole = np.flatnonzero(~convex), np.flatnonzero(convex)
+            cells = [triangles_of(quads)[:, np.tile(~convex, 2)], mesh.t[:, convex]]
+            origin = np.concatenate([halves, halves, whole])
+    subdomains = {
+        name: np.flatnonzero(np.isin(origin, elements))
+        for name, elements in (mesh.subdomains or {}).items()
+    }
+    parts = split_cells(mesh.p, cells, edges, subdomains, named_nodes(mesh))
+    originals, of_element = original_elements(mesh)
+    return replace(parts, originals=originals, origin=of_element[origin])
 
 
 @shown("splitting the mesh")
@@ -243,35 +246,124 @@ def _named(
     return with_names(mesh, boundaries or None, parts or None)
 
 
+def at_nodes(
+    mesh: Mesh, nodes: ndarray, elements: ndarray, parent: ndarray
+) -> csr_matrix:
+    """Values at the nodes of a mesh of fields on another mesh that was made of it.
+
+    The nodes of the mesh come first in the other one.  Where they have moved, the field
+    is evaluated at their old position, in an element of the other mesh that was made of
+    a neighbour: it is linear in the triangles of each quadrilateral, and linear or
+    quadratic in triangles.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    nodes
+        Nodes of the other mesh, shape (2, n_nodes): vertices, then midpoints of edges.
+    elements
+        Its elements as node numbers, shape (3, 4 or 6, n_elements).
+    parent
+        Element of the mesh of which each was made, shape (n_elements,).
+
+    Returns
+    -------
+    scipy.sparse.csr_matrix
+        Shape (n_nodes of the mesh, n_nodes).
+    """
+    n, shape = mesh.p.shape[1], (mesh.p.shape[1], nodes.shape[1])
+    moved = (mesh.p != nodes[:, :n]).any(axis=0)
+    if not moved.any():
+        return csr_matrix(eye(*shape))
+    if len(elements) == 4:
+        elements = np.hstack([elements[[0, 1, 2]], elements[[0, 2, 3]]])
+        parent = np.tile(parent, 2)
+    made = csr_matrix((np.ones(len(parent)), (parent, np.arange(len(parent)))))
+    every = np.tile(np.arange(mesh.nelements), len(mesh.t))
+    corners = csr_matrix((np.ones(mesh.t.size), (mesh.t.ravel(), every)))
+    node, element = (corners @ made).nonzero()
+    node, element = node[moved[node]], element[moved[node]]
+    a, b, c = nodes[:, elements[:3, element]].transpose(1, 0, 2)
+    x, area = mesh.p[:, node], cross(b - a, c - a)
+    share = (
+        np.stack([cross(c - b, x - b), cross(a - c, x - c), cross(b - a, x - a)]) / area
+    )
+    order = np.lexsort([share.min(axis=0), node])
+    last = order[np.append(np.diff(node[order]) > 0, True)]
+    node, element, share = node[last], element[last], share[:, last]
+    if len(elements) == 6:
+        after = np.roll(share, -1, axis=0)
+        share = np.vstack([share * (2 * share - 1), 4 * share * after])
+    still = np.flatnonzero(~moved)
+    rows = np.append(np.tile(node, len(share)), still)
+    columns = np.append(elements[:, element].ravel(), still)
+    return csr_matrix(
+        (np.append(share.ravel(), np.ones(len(still))), (rows, columns)), shape
+    )
+
+
 # Relative difference below which areas count as equal.  Chosen: above rounding, so that
 # the cut of a parallelogram does not depend on it.
 _EQUAL_AREAS = 1e-9
 
 
 @dataclass(repr=False)
-class CutMesh(NamedNodes, MeshTri):
-    """Triangles into which quadrilaterals were cut.
+class Changed(NamedNodes):
+    """Mesh made of another one, whose nodes come first and may have moved.
 
     Attributes
     ----------
-    quads
-        The quadrilaterals as node numbers, shape (4, n).
+    original
+        The other mesh.
     parent
-        Quadrilateral of each triangle, shape (n_elements,).
+        Its element in which each element lies, shape (n_elements,).
+    made
+        Node numbers and parent of each element as they were made, in lexical order.
     """
 
-    quads: ndarray = field(default_factory=lambda: np.empty((4, 0), dtype=int))
+    original: Any = None
     parent: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    made: ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=int))
 
 
-def was_cut(mesh: Mesh) -> TypeGuard[CutMesh]:
-    """True if a mesh is a result of `cut` with valid parents."""
-    if not isinstance(mesh, CutMesh) or np.shape(mesh.parent) != (mesh.nelements,):
+@dataclass(repr=False)
+class CutMesh(Changed, MeshTri):
+    """Triangles into which the elements of another mesh were cut."""
+
+
+@dataclass(repr=False)
+class MovedMesh(Changed, MeshQuad):
+    """Quadrilaterals of another mesh, whose nodes have moved."""
+
+
+def changed(mesh: Mesh, original: Mesh, parent: ndarray) -> Any:
+    """A mesh that knows of which mesh it was made; names are kept."""
+    kind: Any = CutMesh if isinstance(mesh, MeshTri) else MovedMesh
+    of = {
+        "original": original,
+        "parent": parent,
+        "named_nodes": dict(named_nodes(mesh)),
+    }
+    result = kind(mesh.p, mesh.t, mesh.boundaries, mesh.subdomains, **of)
+    return replace(result, made=_elements(result))
+
+
+def _elements(mesh: Changed) -> ndarray:
+    """Sorted node numbers and parent of the elements, in lexical order."""
+    of: Any = mesh
+    return _ordered(np.vstack([np.sort(of.t, axis=0), of.parent]))
+
+
+def was_changed(mesh: Mesh) -> TypeGuard[Changed]:
+    """True if a mesh is a result of `cut` or `fit_to_fibres` with valid parents.
+
+    Nodes may have moved, and elements be reordered together with their parents.  A
+    refined, restricted or renumbered mesh is not valid.
+    """
+    if not isinstance(mesh, Changed) or np.shape(mesh.parent) != (mesh.nelements,):
         return False
-    if not np.array_equal(np.unique(mesh.parent), np.arange(mesh.quads.shape[1])):
-        return False
-    among = mesh.t[:, None] == mesh.quads[:, mesh.parent]
-    return bool(among.any(axis=1).all())
+    return np.array_equal(_elements(mesh), mesh.made)
 
 
 def cut(mesh: MeshQuad) -> CutMesh:
@@ -296,15 +388,11 @@ def cut(mesh: MeshQuad) -> CutMesh:
         raise ValueError(f"only a skfem.MeshQuad can be cut, not {type(mesh).__name__}")
     refuse_nodes(mesh.p, [mesh.t])
     triangles = replace(mesh, t=_with_diagonal(mesh)).to_meshtri()
-    return CutMesh(
-        triangles.p,
-        triangles.t,
-        triangles.boundaries,
-        triangles.subdomains,
-        named_nodes=dict(named_nodes(mesh)),
-        quads=mesh.t,
-        parent=np.tile(np.arange(mesh.nelements), 2),
-    )
+    triangles = with_named_nodes(triangles, named_nodes(mesh))
+    parent = np.tile(np.arange(mesh.nelements), 2)
+    if was_changed(mesh):
+        return changed(triangles, mesh.original, mesh.parent[parent])
+    return changed(triangles, mesh, parent)
 
 
 def corner_areas(mesh: MeshQuad) -> ndarray:
@@ -329,9 +417,9 @@ def triangles_of(mesh: MeshQuad) -> ndarray:
 
 
 def original_elements(mesh: Mesh) -> tuple[tuple[ndarray, ...], ndarray]:
-    """Elements that a mesh was split or cut from, and the original of each element.
+    """Elements that a mesh was made of, and the original of each element.
 
-    They are the elements of the mesh itself if it was neither split nor cut.
+    They are the elements of the mesh itself if it was neither split, cut nor fitted.
 
     Returns
     -------
@@ -349,6 +437,6 @@ def original_elements(mesh: Mesh) -> tuple[tuple[ndarray, ...], ndarray]:
     """
     if was_split(mesh):
         return mesh.originals, mesh.origin[mesh.parent]
-    if was_cut(mesh):
-        return (mesh.quads,), mesh.parent
+    if was_changed(mesh):
+        return (mesh.original.t,), mesh.parent
     return (mesh.t,), np.arange(mesh.nelements)

@@ -7,7 +7,12 @@ from .fibres import (
     SingularFibres as SingularFibres,
     singular_fibres as singular_fibres,
 )
-from .fitting import FittedMesh as FittedMesh, fit_to_fibres as fit_to_fibres
+from .fitting import (
+    Fitted as Fitted,
+    FittedMesh as FittedMesh,
+    fit_to_fibres as fit_to_fibres,
+    fitted as fitted,
+)
 from .meshing import (
     SINGULAR as SINGULAR,
     mesh_along_fibres as mesh_along_fibres,

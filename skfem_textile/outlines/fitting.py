@@ -5,7 +5,7 @@ Short edges that result are collapsed.
 """
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,11 +23,12 @@ from ..mesh.selection import (
     named_nodes,
     with_named_nodes,
 )
-from ..mesh.splitting import corner_areas
+from ..mesh.splitting import changed, corner_areas
 from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
 from .cells import cross
 from .fibres import singular_fibres
+from .meshing import along_edges
 from .outline import Outline
 
 log = logging.getLogger(__name__)
@@ -61,9 +62,10 @@ class FittedMesh(NamedTuple):
     Attributes
     ----------
     mesh
-        The mesh; its edges on singular fibres are named `SINGULAR`.
+        The mesh; its edges on singular fibres are named `SINGULAR`.  A `Ply` on it
+        takes and returns values on the elements and nodes of the original mesh.
     parent
-        Element of the original mesh that contains each element, shape (n_elements,).
+        Element of the original mesh in which each element lies, shape (n_elements,).
         Values per element become ``values[parent]``.
     """
 
@@ -71,9 +73,82 @@ class FittedMesh(NamedTuple):
     parent: ndarray
 
 
+class Fitted(NamedTuple):
+    """Mesh and fabric of a ply with edges on its singular fibres.
+
+    Attributes
+    ----------
+    mesh, fabric
+        See `FittedMesh` and `along_edges`; or as they were.
+    note
+        Changes, or the reason why there are none, in one line.
+    """
+
+    mesh: Mesh
+    fabric: Fabric | Mapping[str, Fabric]
+    note: str
+
+
+def fitted(
+    mesh: Mesh,
+    fabric: Fabric | Mapping[str, Fabric],
+    conditions: Conditions | None = None,
+    loads: Iterable[Any] = (),
+) -> Fitted:
+    """Fit a mesh and a fabric to the singular fibres, or leave them as they are.
+
+    Parameters
+    ----------
+    mesh, fabric, conditions, loads
+        See `fit_to_fibres`.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid.
+
+    Examples
+    --------
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import Condition, LoadStepper, Ply, Quadratic
+    >>> mesh = MeshQuad().refined(3).scaled((50.0, 110.0)).with_defaults()
+    >>> fabric = Fabric(1e5, 0.5, warp=(1, 1), weft=(-1, 1))
+    >>> held = {"fixed": Condition("bottom"), "pulled": Condition("top", (0, 5))}
+    >>> fit = fitted(mesh, fabric, held)
+    >>> fit.note
+    '10 nodes moved and 32 of 64 elements cut along singular fibres'
+    >>> ply = Ply(fit.mesh, fit.fabric, Quadratic(400, points=6))
+    >>> u = LoadStepper(ply, held, steps=1).run().u
+    >>> ply.on_users_nodes(ply.nodal(u)).shape == mesh.p.shape
+    True
+    """
+    check_mesh(mesh)
+    if SINGULAR in (mesh.boundaries or {}):
+        return Fitted(mesh, fabric, "the mesh has edges on singular fibres already")
+    try:
+        fit = fit_to_fibres(mesh, fabric, conditions, loads)
+    except ValueError as error:
+        return Fitted(mesh, fabric, f"the mesh is left as it is: {error}")
+    if SINGULAR not in (fit.mesh.boundaries or {}):
+        return Fitted(mesh, fabric, "no fibre is singular within the mesh")
+    on: Any = fit.mesh
+    n = mesh.p.shape[1]
+    moved = int((fit.mesh.p[:, :n] != mesh.p).any(axis=0).sum())
+    halved = mesh.t.shape[0] == 4 and fit.mesh.t.shape[0] == 3
+    cut = int((np.bincount(fit.parent) > 1 + halved).sum())
+    note = (
+        f"{moved} nodes moved and {cut} of {mesh.nelements} elements cut along "
+        f"singular fibres"
+    )
+    if isinstance(fabric, Mapping):
+        fabrics = {name: along_edges(on, one) for name, one in fabric.items()}
+        return Fitted(fit.mesh, fabrics, note)
+    return Fitted(fit.mesh, along_edges(on, fabric), note)
+
+
 def fit_to_fibres(
     mesh: Mesh,
-    fabric: Fabric,
+    fabric: Fabric | Mapping[str, Fabric],
     conditions: Conditions | None = None,
     loads: Iterable[Any] = (),
 ) -> FittedMesh:
@@ -87,13 +162,16 @@ def fit_to_fibres(
     ----------
     mesh
         A `skfem.MeshTri` or `skfem.MeshQuad`.
-    fabric, conditions, loads
+    fabric
+        The fabric, or one for each subdomain by name.
+    conditions, loads
         See `singular_fibres`.
 
     Raises
     ------
     ValueError
-        If the mesh is not valid, or see `singular_fibres`.
+        If the mesh is not valid, more than one subdomain with a fabric surrounds
+        another, or see `singular_fibres`.
 
     Examples
     --------
@@ -107,10 +185,16 @@ def fit_to_fibres(
     (True, True)
     """
     check_mesh(mesh)
-    outline = Outline.of_mesh(mesh)
+    fabrics: dict[str, Fabric] = {}
+    regions: dict[str, ndarray] = {}
+    if isinstance(fabric, Mapping):
+        fabric, fabrics, regions = _of_subdomains(mesh, fabric)
+    outline = Outline.of_mesh(mesh, regions)
     edges = np.diff(mesh.p[:, mesh.facets], axis=1)[:, 0]
     finest = _FINEST * float(np.median(np.hypot(*edges)))
-    lines = singular_fibres(outline, fabric, conditions, loads, finest=finest)
+    lines = singular_fibres(
+        outline, fabric, conditions, loads, fabrics=fabrics, finest=finest
+    )
     fibres = [_extended(f.points, _BEYOND * outline.size) for f in lines.fibres]
     fit = _Fit(mesh, outline, fibres)
     for i in range(len(fibres)):
@@ -121,8 +205,33 @@ def fit_to_fibres(
         for i in range(len(fibres)):
             fit.move(i)
             fit.cut(i)
-            fit.collapse()
+            fit.collapse(i)
     return fit.result(mesh)
+
+
+def _of_subdomains(
+    mesh: Mesh, given: Mapping[str, Fabric]
+) -> tuple[Fabric, dict[str, Fabric], dict[str, ndarray]]:
+    """The fabric around all regions, and fabrics and corners of the regions by name."""
+    around, surrounding = list(given.values())[-1:], list[str]()
+    fabrics: dict[str, Fabric] = {}
+    regions: dict[str, ndarray] = {}
+    for name, fabric in given.items():
+        elements = (mesh.subdomains or {}).get(name, ())
+        shape = shapely.union_all(shapely.polygons(mesh.p[:, mesh.t[:, elements]].T))
+        parts = shapely.get_parts(shape)
+        if any(part.interiors for part in parts):
+            surrounding, around = [*surrounding, name], [fabric]
+            continue
+        for i, part in enumerate(parts, start=1):
+            fabrics[f"{name} {i}"] = fabric
+            corners = shapely.simplify(part, 0.0).exterior.coords[:-1]
+            regions[f"{name} {i}"] = np.transpose(corners)
+    if len(surrounding) > 1:
+        raise ValueError(
+            f"the subdomains {surrounding[0]!r} and {surrounding[1]!r} both have holes"
+        )
+    return around[0], fabrics, regions
 
 
 def _extended(points: ndarray, length: float) -> Any:
@@ -323,12 +432,13 @@ class _Fit:
             old.append(parent[three])
         self.t, self.parent = np.hstack(new), np.concatenate(old)
 
-    def collapse(self) -> None:
-        """Collapse short edges after the cuts."""
+    def collapse(self, i: int) -> None:
+        """Collapse short edges of triangles at a fibre, after its cuts."""
         turned = self._signed() < 0
         self.t[1:, turned] = self.t[:0:-1, turned]
         nodes = Nodes(self.p, self._kind, self._line, self._on)
-        kept, becomes = collapse(nodes, self.t, self._n)
+        at_fibre = self._on[i][self.t].any(axis=0)
+        kept, becomes = collapse(nodes, self.t, self._n, at_fibre)
         used = np.unique(becomes)
         number = np.searchsorted(used, becomes)
         self.p, self._kind, self._line, self._on = (x[..., used] for x in nodes)
@@ -359,7 +469,8 @@ class _Fit:
         fitted = with_names(fitted, boundaries or None, subdomains or None)
         if len(self.t) == 3 and len(self.parent) > mesh.nelements:
             self._report_smallest_angle()
-        return FittedMesh(with_named_nodes(fitted, named_nodes(mesh)), self.parent)
+        fitted = with_named_nodes(fitted, named_nodes(mesh))
+        return FittedMesh(changed(fitted, mesh, self.parent), self.parent)
 
     def _report_smallest_angle(self) -> None:
         """Log the smallest angle if it is very small."""
@@ -446,7 +557,9 @@ def smallest_angles(p: ndarray, t: ndarray) -> ndarray:
     return angle.min(axis=0)
 
 
-def collapse(nodes: Nodes, t: ndarray, n_kept: int) -> tuple[ndarray, ndarray]:
+def collapse(
+    nodes: Nodes, t: ndarray, n_kept: int, among: ndarray | bool = True
+) -> tuple[ndarray, ndarray]:
     """Collapse the shortest edges of poor triangles where this increases the angles.
 
     Nodes on a line move along it only, the outline and the lines remain edges, and the
@@ -458,6 +571,10 @@ def collapse(nodes: Nodes, t: ndarray, n_kept: int) -> tuple[ndarray, ndarray]:
         The nodes; their arrays are changed.
     t
         Triangles, anticlockwise, shape (3, n_elements).
+    n_kept
+        Number of the first nodes that remain.
+    among
+        True for the triangles with which the search begins.
 
     Returns
     -------
@@ -469,17 +586,20 @@ def collapse(nodes: Nodes, t: ndarray, n_kept: int) -> tuple[ndarray, ndarray]:
     """
     becomes, alive = np.arange(nodes.p.shape[1]), np.ones(t.shape[1], dtype=bool)
     angles = smallest_angles(nodes.p, t)
-    queue = list(np.argsort(angles)[: np.sum(angles < _POOR)])
+    poor = np.flatnonzero((angles < _POOR) & among)
+    queue = poor[np.argsort(angles[poor])].tolist()
     while queue:
         k = queue.pop(0)
         if not alive[k] or angles[k] >= _POOR:
             continue
         for a, b in _short_first(nodes.p, t[:, k]):
-            if max(a, b) < n_kept or not _may_move(nodes, t[:, alive], a, b):
+            if max(a, b) < n_kept:
                 continue
-            around = alive & ((t == a) | (t == b)).any(axis=0)
-            gone = around & (t == a).any(axis=0) & (t == b).any(axis=0)
-            rest = np.flatnonzero(around & ~gone)
+            around = np.flatnonzero(alive & ((t == a) | (t == b)).any(axis=0))
+            has_a, has_b = ((t[:, around] == end).any(axis=0) for end in (a, b))
+            if not _may_move(nodes, t[:, around], has_a, has_b, a, b):
+                continue
+            gone, rest = around[has_a & has_b], around[has_a != has_b]
             moved = np.where(t[:, rest] == a, b, t[:, rest])
             after = smallest_angles(nodes.p, moved)
             if after.min() <= angles[around].min():
@@ -489,7 +609,7 @@ def collapse(nodes: Nodes, t: ndarray, n_kept: int) -> tuple[ndarray, ndarray]:
                 values[..., keep] = values[..., b]
             becomes[becomes == drop] = keep
             t[:, rest] = np.where(moved == drop, keep, moved)
-            alive &= ~gone
+            alive[gone] = False
             angles[rest] = after
             queue += rest[after < _POOR].tolist()
             break
@@ -504,9 +624,13 @@ def _short_first(p: ndarray, corners: ndarray) -> list[tuple[int, int]]:
     return [pair for a, b in pairs for pair in ((a, b), (b, a))]
 
 
-def _may_move(nodes: Nodes, t: ndarray, a: int, b: int) -> bool:
-    """True if node a may be merged with its neighbour b at the position of b."""
-    has_a, has_b = (t == a).any(axis=0), (t == b).any(axis=0)
+def _may_move(
+    nodes: Nodes, t: ndarray, has_a: ndarray, has_b: ndarray, a: int, b: int
+) -> bool:
+    """True if node a may be merged with its neighbour b at the position of b.
+
+    ``t`` are the triangles around both, ``has_a`` and ``has_b`` which nodes they have.
+    """
     both = has_a & has_b
     of_a, of_b = np.unique(t[:, has_a]), np.unique(t[:, has_b])
     if np.intersect1d(of_a, of_b).size != 2 + both.sum():

@@ -225,11 +225,20 @@ class Outline:
         return ring if _is_anticlockwise(ring) else np.ascontiguousarray(ring[:, ::-1])
 
     @classmethod
-    def of_mesh(cls, mesh: Mesh) -> Self:
+    def of_mesh(
+        cls, mesh: Mesh, regions: Mapping[str, ArrayLike] | None = None
+    ) -> Self:
         """Outline of a mesh: its boundary, with the names of its edges.
 
         Collinear nodes are merged, except where names change.  Single named nodes are
         points of the outline.
+
+        Parameters
+        ----------
+        mesh
+            The mesh.
+        regions
+            See `Outline`.
 
         Raises
         ------
@@ -254,7 +263,7 @@ class Outline:
             n: mesh.p[:, at[0]] for n, at in named_nodes(mesh).items() if at.size == 1
         }
         rings = rings_of_segments(mesh.p, segments, "the boundary of the mesh")
-        return cls._of_rings(rings, {"points": points})
+        return cls._of_rings(rings, {"points": points, "regions": regions})
 
     @classmethod
     def from_dxf(

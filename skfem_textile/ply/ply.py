@@ -1,11 +1,13 @@
 """Ply model: mesh, fabric, formulation and terms as a function of the displacement."""
 
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
+from scipy.spatial import KDTree
 from skfem import Mesh
 
 from .. import forms
@@ -17,7 +19,7 @@ from ..mesh.bases import Corners, components, node_positions
 from ..mesh.progress import shown
 from ..mesh.scikit_fem import FormExtraParams
 from ..mesh.selection import FibreEnd
-from ..mesh.splitting import hat_functions, original_elements
+from ..mesh.splitting import at_nodes, hat_functions, original_elements, was_changed
 from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT
 from .parameters import NO_VALUES, PlyParameters
@@ -64,7 +66,7 @@ class Ply(SumOfTerms):
         cuts quadrilaterals (`cut`).  The user's nodes come first, with the same
         numbers, and the names of boundaries, subdomains and nodes are kept.
     users_mesh
-        Mesh as passed by the user.
+        Mesh of the user: as passed, or the one of which it was cut or fitted.
     cells
         The user's elements as node numbers, arrays of shape (3, n) and (4, n).
     parent
@@ -121,7 +123,7 @@ class Ply(SumOfTerms):
         fibre_ends: Mapping[str, FibreEnd] | None = None,
     ) -> None:
         _refuse_other_kinds(dimension, formulation, fabric)
-        self.users_mesh = mesh
+        self.users_mesh = mesh.original if was_changed(mesh) else mesh
         self.mesh = mesh = formulation.working_mesh(mesh)
         self.basis = formulation.basis(mesh, dimension)
         self.cells, self.parent = original_elements(mesh)
@@ -218,6 +220,88 @@ class Ply(SumOfTerms):
         """
         return hat_functions(self.mesh, self.nodes.shape[1])
 
+    def on_users_elements(self, values: ndarray) -> ndarray:
+        """Area-weighted mean of a field over each of the user's elements.
+
+        Parameters
+        ----------
+        values
+            One value per element of ``mesh``, shape (..., n_elements).
+
+        Returns
+        -------
+        ndarray
+            Shape (..., n_users_elements), in the order of ``cells``.
+
+        Raises
+        ------
+        ValueError
+            If the number of values differs from the number of elements.
+
+        Examples
+        --------
+        >>> from skfem import MeshQuad
+        >>> from skfem_textile import Fabric, Ply
+        >>> ply = Ply(MeshQuad(), Fabric())
+        >>> x, y = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+        >>> ply.on_users_elements(x)
+        array([0.5])
+        """
+        values, n = np.asarray(values), self.mesh.nelements
+        if values.shape[-1:] != (n,):
+            raise ValueError(
+                f"a field must have a value for each of the {n} elements of ply.mesh "
+                f"along its last axis, got shape {values.shape}"
+            )
+        return _mapped(values, self._means_on_users_elements)
+
+    @cached_property
+    def _means_on_users_elements(self) -> csr_matrix:
+        """Shares of the elements in the user's, (n_users_elements, n_elements)."""
+        mesh, parent, number = self.mesh, self.parent, np.arange(self.mesh.nelements)
+        area = self.basis.dx.sum(axis=1)
+        total = np.zeros(sum(cell.shape[1] for cell in self.cells))
+        np.add.at(total, parent, area)
+        rows, columns, share = parent, number, area / total[parent]
+        if (lost := np.flatnonzero(total == 0)).size:  # by a fit: a neighbour is there
+            centre = self.users_mesh.p[:, self.users_mesh.t[:, lost]].mean(axis=1)
+            centres = mesh.p[:, mesh.t].mean(axis=1)
+            _, nearest = KDTree(centres.T).query(centre.T)
+            rows, columns = np.append(parent, lost), np.append(number, nearest)
+            share = np.append(share, np.ones(len(lost)))
+        return csr_matrix((share, (rows, columns)))
+
+    def on_users_nodes(self, values: ndarray) -> ndarray:
+        """Nodal field at the nodes of ``users_mesh``, where they were before a fit.
+
+        Parameters
+        ----------
+        values
+            One value per node of ``nodes``, shape (..., n_nodes), such as ``nodal(u)``.
+
+        Returns
+        -------
+        ndarray
+            Shape (..., n_users_nodes).
+
+        Examples
+        --------
+        >>> from skfem import MeshQuad
+        >>> from skfem_textile import Fabric, Ply
+        >>> ply = Ply(MeshQuad(), Fabric())
+        >>> ply.on_users_nodes(ply.nodes).tolist()
+        [[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]]
+        """
+        return _mapped(np.asarray(values), self._at_users_nodes)
+
+    @cached_property
+    def _at_users_nodes(self) -> csr_matrix:
+        """Values of nodal fields at the user's nodes, (n_users_nodes, n_nodes)."""
+        element_nodes = self.basis.element_dofs[:: components(self.basis)]
+        element_nodes = element_nodes // components(self.basis)
+        of = self.nodes, element_nodes, self.parent
+        return at_nodes(self.users_mesh, *of)
+
     @property
     def element_size(self) -> float:
         """Size of the largest element in mm."""
@@ -229,6 +313,12 @@ class Ply(SumOfTerms):
             f"<Ply of {self.mesh.nelements} elements, {self.basis.N} unknowns, "
             f"{self.formulation}, terms: {terms}>"
         )
+
+
+def _mapped(values: ndarray, matrix: csr_matrix) -> ndarray:
+    """Product of a matrix with the last axis of values."""
+    columns = values.reshape(-1, values.shape[-1]).T
+    return (matrix @ columns).T.reshape(*values.shape[:-1], -1)
 
 
 def _refuse_other_kinds(dimension: Any, formulation: Any, fabric: Any) -> None:

@@ -438,46 +438,6 @@ class SumOfTerms(FabricOnBasis):
             return self.predicted_tension(u, np.zeros_like(u), parameters)
         return super().fibre_tension(u)
 
-    def on_users_elements(self, values: ndarray) -> ndarray:
-        """Area-weighted mean of a field over each of the user's elements.
-
-        Nodal fields need no such method, because the user's nodes come first.
-
-        Parameters
-        ----------
-        values
-            One value per element of ``mesh``, shape (..., n_elements).
-
-        Returns
-        -------
-        ndarray
-            Shape (..., n_users_elements), in the order of ``cells``.
-
-        Raises
-        ------
-        ValueError
-            If the number of values differs from the number of elements.
-
-        Examples
-        --------
-        >>> from skfem import MeshQuad
-        >>> from skfem_textile import Fabric, Ply
-        >>> ply = Ply(MeshQuad(), Fabric())
-        >>> x, y = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
-        >>> ply.on_users_elements(x)
-        array([0.5])
-        """
-        values, n = np.asarray(values), self.mesh.nelements
-        if values.shape[-1:] != (n,):
-            raise ValueError(
-                f"a field must have a value for each of the {n} elements of ply.mesh "
-                f"along its last axis, got shape {values.shape}"
-            )
-        area = self.basis.dx.sum(axis=1)
-        share = area / np.bincount(self.parent, area)[self.parent]
-        mean = csr_matrix((share, (self.parent, np.arange(n))))
-        return (mean @ values.reshape(-1, n).T).T.reshape(*values.shape[:-1], -1)
-
     def nodal(self, u: ndarray) -> ndarray:
         """DOF vector as one column per node of ``nodes``, shape (d, n_nodes)."""
         self.refuse_other(u)

@@ -1,11 +1,23 @@
 """Meshes of the user fitted to the singular fibres."""
 
+import meshio
 import numpy as np
 import pytest
 import shapely
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Condition, Fabric, LoadStepper, Macro, Ply, Quadratic
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    fitted,
+)
+from skfem_textile.io.results import write_fields
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.mesh.selection import SINGULAR, with_named_nodes
 from skfem_textile.outlines import Outline, fitting, singular_fibres
@@ -247,3 +259,95 @@ def test_a_fibre_beside_a_named_node_is_reported(caplog):
     assert np.array_equal(found.p[:, near], p[:, near])
     assert np.sum(areas(found)) == pytest.approx(5000)
     assert "the smallest angle of the fitted mesh" in caplog.text
+
+
+@pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
+@pytest.mark.parametrize(
+    "formulation",
+    [Quadratic(400.0, points=6), Quadratic(), Macro(), OnePoint(), Full()],
+    ids=lambda x: x.title,
+)
+def test_fields_return_to_the_users_nodes_and_elements(kind, formulation):
+    """A linear field is exact at nodes that moved, a constant one in cut elements."""
+    mesh = rectangle(kind, 6)
+    ply = Ply(fitted(mesh, fabric(41.0), HELD).mesh, fabric(41.0), formulation)
+    assert ply.users_mesh is mesh
+    assert (ply.nodes[:, : mesh.nvertices] != mesh.p).any()
+    np.testing.assert_allclose(ply.on_users_nodes(ply.nodes), mesh.p, atol=1e-11)
+    constant = ply.on_users_elements(np.ones(ply.mesh.nelements))
+    np.testing.assert_allclose(constant, np.ones(mesh.nelements))
+
+
+def test_a_quadratic_field_is_exact_at_nodes_that_moved():
+    mesh = rectangle(MeshTri, 6)
+    ply = Ply(fitted(mesh, fabric(41.0), HELD).mesh, fabric(41.0), Quadratic())
+
+    def field(x):
+        return x[0] ** 2 - x[0] * x[1]
+
+    found = ply.on_users_nodes(field(ply.nodes))
+    np.testing.assert_allclose(found, field(mesh.p), atol=1e-9)
+
+
+def test_values_of_the_users_elements_hold_on_the_fitted_mesh():
+    """A fabric with directions per element, written without the fit."""
+    mesh, plain = rectangle(MeshQuad, 6), fabric(41.0)
+    angle = np.radians(41.0) + np.linspace(0, 0.1, mesh.nelements)
+    warp = np.array([np.cos(angle), np.sin(angle)])
+    ply = Ply(
+        fitted(mesh, plain, HELD).mesh,
+        Fabric(1e5, 0.5, warp, (0.0, 1.0)),
+        Quadratic(),
+    )
+    found = ply.fabric.directions(ply.basis.global_coordinates())[0][..., 0]
+    np.testing.assert_allclose(found, warp[:, ply.parent])
+
+
+def test_files_of_the_users_mesh_have_its_nodes(tmp_path):
+    """They are where they were, with the displacement there."""
+    mesh = rectangle(MeshQuad, 6)
+    ply = Ply(fitted(mesh, fabric(41.0), HELD).mesh, fabric(41.0), Quadratic())
+    result = LoadStepper(ply, HELD, steps=1).run()
+    write_fields(result, tmp_path)
+    own = meshio.read(tmp_path / "own_step_0001.vtu")
+    np.testing.assert_allclose(own.points[:, :2].T, mesh.p, atol=1e-12)
+    assert {cell.type: len(cell.data) for cell in own.cells} == {"quad": mesh.nelements}
+    u = own.point_data["displacement"][:, :2].T
+    np.testing.assert_allclose(
+        u[:, np.unique(mesh.facets[:, mesh.boundaries["top"]])][1], 12.0, rtol=1e-9
+    )
+    exact = ply.on_users_nodes(ply.nodal(result.u))
+    assert np.abs(u - exact).max() < 0.1
+
+
+def test_a_mesh_is_left_as_it_is_with_the_reason():
+    """Where no fibre is singular, where it cannot be fitted, and where it was."""
+    mesh = rectangle(MeshTri, 6)
+    free = fitted(mesh, fabric(), {"point": Condition([0])})
+    assert free.mesh is mesh
+    at_nodes = {"some": Condition("bottom"), "nowhere": Condition("nowhere")}
+    refused = fitted(mesh, fabric(), at_nodes)
+    assert refused.mesh is mesh
+    assert refused.note.startswith("the mesh is left as it is: ")
+    once = fitted(mesh, fabric(), HELD)
+    again = fitted(once.mesh, fabric(), HELD)
+    assert again.mesh is once.mesh
+    assert "already" in again.note
+
+
+def test_fabrics_of_subdomains_have_fibres_at_their_borders():
+    """A patch within a plate, which has a hole there."""
+    mesh, of = rectangle(MeshQuad, 6), {"patch": fabric(60.0), "rest": fabric(45.0)}
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    patch = (x > 16) & (x < 34) & (y > 33) & (y < 67)
+    parts = {"patch": np.flatnonzero(patch), "rest": np.flatnonzero(~patch)}
+    mesh = mesh.with_subdomains(parts)
+    fit, plain = fitted(mesh, of, HELD), fitted(mesh, fabric(45.0), HELD)
+    assert fit.fabric == of
+    along, without = (x.mesh.boundaries[SINGULAR].size for x in (fit, plain))
+    assert along > 2 * without
+    parents = fit.mesh.parent[fit.mesh.subdomains["patch"]]
+    np.testing.assert_array_equal(np.unique(parents), parts["patch"])
+    assert Ply(fit.mesh, fit.fabric, Quadratic()).mesh is fit.mesh
+    nested = {**of, "left half": fabric(50.0)}
+    assert "left as it is" in fitted(mesh, nested, HELD).note
