@@ -1,9 +1,9 @@
-"""Displacement conditions and the constraints that they resolve to."""
+"""Displacement conditions, the constraints that they resolve to, and their forces."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -26,6 +26,10 @@ Value: TypeAlias = (
 # Conditions agree at a node if their displacements differ by at most this share of the
 # largest displacement and, for round-off, of the largest coordinate.
 _AGREEING, _ROUND_OFF = 1e-9, 1e-15
+
+# Smallest ratio of eigenvalues of S, (1 − cos θ)/(1 + cos θ) of two directions with the
+# angle θ, that belongs to another direction.
+_OTHER_DIRECTION = PARALLEL_ANGLE**2 / 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,3 +362,60 @@ def turned(u: ndarray, turn: csr_matrix | None) -> ndarray:
 def plain(q: ndarray, turn: csr_matrix | None) -> ndarray:
     """Transform a vector of rotated unknowns to a DOF vector."""
     return q if turn is None else turn @ q
+
+
+class _Fixed(NamedTuple):
+    """Fixed directions: name of the condition, nodes (n,), unit vectors (d, n)."""
+
+    name: str
+    nodes: ndarray
+    directions: ndarray
+
+
+def reactions(
+    constraints: Constraints, forces: ndarray, u: ndarray, t: float
+) -> dict[str, ndarray]:
+    """Force of each condition on the ply in N, shape (d,).
+
+    Nodal forces are divided where conditions share nodes. A condition exerts a
+    force r on a node along the directions n that it fixes there. The reactions are
+    the forces of the smallest Σ‖r‖² that sum to the nodal force f: with S the sum
+    of n⊗n over all conditions at the node, each direction carries n (n·S⁻¹f). Equal
+    directions thus carry equal shares, orthogonal ones their components of f.
+
+    Parameters
+    ----------
+    constraints
+        The conditions.
+    forces
+        Nodal forces in N, shape (d, n_nodes).
+    u, t
+        Displacement and load factor, on which the normals of surfaces depend.
+    """
+    on_surfaces = constraints.surfaces.fixed_directions(u, t)
+    fixed = [_Fixed(*x) for x in (*constraints.fixed_directions, *on_surfaces)]
+    d, n_nodes = forces.shape
+    sums = np.zeros((n_nodes, d, d))
+    for _, nodes, n in fixed:
+        np.add.at(sums, nodes, np.einsum("in,jn->nij", n, n))
+    supported = np.unique(np.concatenate([x.nodes for x in fixed]))
+    inverse = np.linalg.pinv(sums[supported], _OTHER_DIRECTION, hermitian=True)
+    weighted = np.zeros_like(forces)
+    weighted[:, supported] = np.einsum("nij,jn->in", inverse, forces[:, supported])
+    result = {name: np.zeros(d) for name in constraints.nodes}
+    for name, nodes, n in fixed:
+        result[name] += n @ (n * weighted[:, nodes]).sum(axis=0)
+    return result
+
+
+def travels(constraints: Constraints, u: ndarray) -> dict[str, ndarray]:
+    """Prescribed displacement of each displacement condition in mm, shape (d,).
+
+    It is the mean over its nodes along the directions that it fixes, of the nodal
+    displacements ``u``, shape (d, n_nodes).
+    """
+    result: dict[str, ndarray] = {}
+    for name, nodes, n in constraints.fixed_directions:
+        along = (n * (n * u[:, nodes]).sum(axis=0)).mean(axis=1)
+        result[name] = result.get(name, 0.0) + along
+    return result

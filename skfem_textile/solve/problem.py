@@ -17,12 +17,11 @@ from ..mesh.bases import components, node_positions
 from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters
 from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
-from .conditions import Constraints, plain, turned
+from .conditions import Constraints, plain, reactions, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System
 from .states import NoEquilibriumError
-from .supports import reactions
 from .surface_nodes import SurfaceNodes
 
 #: Relative round-off of a number.

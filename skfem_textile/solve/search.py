@@ -16,10 +16,9 @@ from . import active_set
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import ChosenSolver
-from .newton import LESS_ROUNDING, METHODS, Method
+from .newton import LESS_ROUNDING, METHODS, SETTLED, Damped, Method
 from .problem import HOLD, Evaluation, Problem, Tangent, balanced
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
-from .updates import SETTLED, Damped
 from .verdict import CHECKS, Trial
 
 _AT_REST = (

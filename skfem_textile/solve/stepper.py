@@ -15,7 +15,7 @@ from numpy import ndarray
 from ..mesh.progress import clear, shown
 from ..mesh.user_input import real_numbers, shortened
 from ..ply import Ply
-from .conditions import Conditions, Constraints
+from .conditions import Conditions, Constraints, travels
 from .continuation import (
     MOST_PROJECTED,
     Continuation,
@@ -40,7 +40,6 @@ from .states import (
     State,
     UserError,
 )
-from .supports import travels
 from .verdict import CHECKS, Trial
 
 if TYPE_CHECKING:

@@ -16,9 +16,8 @@ from skfem_textile import (
     Tabulated,
     drape,
 )
-from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.conditions import Constraints, reactions, travels
 from skfem_textile.solve.states import State
-from skfem_textile.solve.supports import reactions, travels
 from tests.helpers import forces_of
 
 MESH = MeshQuad().refined(2).with_defaults()
