@@ -178,7 +178,7 @@ SIDEWAYS = np.array([1.0, -1.0]) / np.sqrt(2)
 
 
 def sheared_by(total, factor):
-    mesh = MeshQuad().refined(1).scaled(10.0).with_defaults()
+    mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
     fabric = Fabric(1e3, Sin2(0.5))
     return Ply(mesh, fabric, Full(), [Force("top", total * SIDEWAYS, factor)])
 
