@@ -167,10 +167,16 @@ def test_show_warns_of_directions_that_follow_the_numbering_of_nodes(tmp_path, c
     assert "warp runs along edge 1 in 8 of 8 elements" in caplog.text
 
 
-def test_show_accepts_angles_for_a_mesh_without_directions(tmp_path):
+def test_show_accepts_angles_for_a_mesh_without_directions(tmp_path, capsys):
     out = tmp_path / "out"
     write_directions(tmp_path / "ply.inp", PULL.mesh, OF_SCENE)
     line = ["show", str(tmp_path / "ply.inp"), "--warp", "30", "--weft", "120"]
     assert cli.main([*line, "--no-render", "--out", str(out)]) == 0
+    printed = dict(
+        row.split(maxsplit=1) for row in capsys.readouterr().out.splitlines()
+    )
+    assert printed["warp_angle_deg"] == "30 to 30"
+    assert printed["weft_angle_deg"] == "120 to 120"
+    assert printed["angle_between_deg"] == "90 to 90"
     warp, weft = read_directions(out / "directions.csv").angles_deg()
     assert np.allclose([warp, weft], [[30] * 8, [120] * 8])

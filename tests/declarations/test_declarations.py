@@ -1,5 +1,6 @@
 """A table of a case file contains the parameters of its class or function."""
 
+from argparse import ArgumentTypeError
 from dataclasses import MISSING, fields
 from inspect import signature
 from math import radians
@@ -20,6 +21,7 @@ from skfem_textile.cases.schema import (
 )
 from skfem_textile.cases.tools import AnyTool
 from skfem_textile.cases.write import reference
+from skfem_textile.declarations import words
 
 TABLES = [
     table
@@ -110,3 +112,10 @@ def test_a_misspelt_key_is_refused_in_every_table(path, case):
     with pytest.raises(CaseFileError, match=r"'stepz'|is missing") as refused:
         declared(case)
     assert str(refused.value).startswith(path)
+
+
+def test_a_length_is_positive_and_finite():
+    assert words.length("1e11") == 1e11
+    for word in ("0", "-1", "nan", "1e13", "long"):
+        with pytest.raises(ArgumentTypeError, match="a positive length in mm"):
+            words.length(word)

@@ -32,6 +32,12 @@ MESSAGES = [
         r"boundary 'clamp\\n': no edge of the mesh joins nodes 0 and 2, at "
         r"\(0, 0\) and \(1, 1\), or 1 further pair",
     ),
+    (
+        lambda: check_mesh(
+            MeshTri(np.full((2, 12), np.nan), np.arange(12).reshape(3, 4))
+        ),
+        r"12 .*: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, \.\.\.",
+    ),
     (averaged(6), r"each of the 64 elements of ply\.mesh"),
     (averaged(64, 1), r"each of the 64 elements of ply\.mesh"),
     (averaged(), r"each of the 64 elements of ply\.mesh"),

@@ -351,3 +351,24 @@ def test_fabrics_of_subdomains_have_fibres_at_their_borders():
     assert Ply(fit.mesh, fit.fabric, Quadratic()).mesh is fit.mesh
     nested = {**of, "left half": fabric(50.0)}
     assert "left as it is" in fitted(mesh, nested, HELD).note
+
+
+@pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
+def test_no_corner_loses_most_of_its_area_when_nodes_move(kind):
+    mesh = rectangle(kind, 8)
+    outline = Outline.of_mesh(mesh)
+    fibres = singular_fibres(outline, fabric(37.0), HELD, finest=2.0).fibres
+    lines = [shapely.linestrings(f.points.T) for f in fibres]
+    fit = fitting._Fit(mesh, outline, lines)
+    n = len(fit.t)
+
+    def areas_of_corners():
+        a, b, c = (fit.p[:, np.roll(fit.t, -k, axis=0)] for k in (n - 1, 0, 1))
+        return np.abs((b - a)[0] * (c - b)[1] - (b - a)[1] * (c - b)[0])
+
+    before = areas_of_corners()
+    for i in range(len(lines)):
+        last = areas_of_corners()
+        fit.move(i)
+        assert (areas_of_corners() >= 0.3 * last).all()
+    assert (areas_of_corners() < 0.8 * before).any()

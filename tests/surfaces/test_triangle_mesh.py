@@ -6,6 +6,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from skfem_textile import drape
 from skfem_textile.surfaces.tool_mesh import (
+    Elements,
     ElementTree,
     _may_be_closest,
     closest_on_triangles,
@@ -219,3 +220,11 @@ def test_a_triangle_below_a_far_point_is_a_candidate_and_its_neighbours_are_not(
     point, triangle = tree.pairs(points)
     possible = _may_be_closest(corners, tree.radii, points, point, triangle)
     assert possible.sum() < 20 < len(possible)
+
+
+def test_distances_of_local_coordinates_from_elements():
+    """Inside, beyond each side, and beyond two of them."""
+    x = np.array([[0.2, 0.5], [-0.3, 0.5], [0.5, -0.1], [0.8, 0.7], [1.4, -0.2]]).T
+    triangle, square = (Elements(np.arange(k)[:, None]) for k in (3, 4))
+    np.testing.assert_allclose(triangle.outside(x), [0.0, 0.3, 0.1, 0.5, 0.2])
+    np.testing.assert_allclose(square.outside(x), [0.0, 0.3, 0.1, 0.0, 0.4])
