@@ -148,7 +148,7 @@ class Picture:
         marked: Sequence[ndarray] = (),
         titles: Sequence[str] = (),
     ) -> list[Panel]:
-        """One panel for each result; without ``titles`` with those of the results."""
+        """One panel for each result, with its title if ``titles`` is empty."""
         none = [None] * len(self.results)
         lines = [fibres_of(x.ply) for x in self.results] if fibres else none
         columns = titles or self.titles(), self.shapes, values or none, lines
