@@ -105,7 +105,8 @@ def test_a_run_writes_its_files_and_its_rows_reproduce_them(
     rows = [row for row in stored(name) if row["case"] == case]
     found = [{k: x for k, x in row.items() if k != "case"} for row in rows]
     monkeypatch.setattr(study, "examine", lambda _: found, raising=False)
-    monkeypatch.setattr(study, "cases", lambda _: cases_of(name), raising=False)
+    cases = cases_of(name)
+    monkeypatch.setattr(study, "cases", lambda _: cases, raising=False)
     monkeypatch.setattr("studies.__main__.load", lambda _: study)
     words = [name, "--case", case, "--out", str(out), "--no-render"]
     assert main(words) == 0
