@@ -119,3 +119,17 @@ def test_a_length_is_positive_and_finite():
     for word in ("0", "-1", "nan", "1e13", "long"):
         with pytest.raises(ArgumentTypeError, match="a positive length in mm"):
             words.length(word)
+
+
+def test_an_angle_has_either_sign_and_a_limit():
+    assert words.degrees("-30") == -30.0
+    for word in ("36001", "-36001", "nan"):
+        with pytest.raises(ArgumentTypeError, match="at most 36000 degrees"):
+            words.degrees(word)
+
+
+def test_a_name_has_one_value_or_several():
+    assert words.pair("top=40") == ("top", 40)
+    assert words.pair("top=0,40") == ("top", [0, 40])
+    with pytest.raises(ArgumentTypeError, match="NAME=VALUE"):
+        words.pair("top")
