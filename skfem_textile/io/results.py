@@ -31,6 +31,7 @@ from .vtk import write_grid, write_series
 
 if TYPE_CHECKING:
     from ..contact import PlacedTool
+
 # Changes fields of vertices or elements, by name.
 _Map = Callable[[dict[str, ndarray]], dict[str, ndarray]]
 

@@ -138,7 +138,7 @@ def fitted(
     cut = int((np.bincount(fit.parent) > 1 + halved).sum())
     note = (
         f"{moved} nodes moved and {cut} of {mesh.nelements} elements cut along "
-        f"singular fibres"
+        "singular fibres"
     )
     if isinstance(fabric, Mapping):
         fabrics = {name: along_edges(on, one) for name, one in fabric.items()}
@@ -213,6 +213,8 @@ def _of_subdomains(
     mesh: Mesh, given: Mapping[str, Fabric]
 ) -> tuple[Fabric, dict[str, Fabric], dict[str, ndarray]]:
     """The fabric around all regions, and fabrics and corners of the regions by name."""
+    if not given:
+        raise ValueError("there is no fabric: specify one for each subdomain")
     around, surrounding = list(given.values())[-1:], list[str]()
     fabrics: dict[str, Fabric] = {}
     regions: dict[str, ndarray] = {}

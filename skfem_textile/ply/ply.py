@@ -284,6 +284,11 @@ class Ply(SumOfTerms):
         ndarray
             Shape (..., n_users_nodes).
 
+        Raises
+        ------
+        ValueError
+            If the number of values differs from the number of nodes.
+
         Examples
         --------
         >>> from skfem import MeshQuad
@@ -292,7 +297,13 @@ class Ply(SumOfTerms):
         >>> ply.on_users_nodes(ply.nodes).tolist()
         [[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]]
         """
-        return _mapped(np.asarray(values), self._at_users_nodes)
+        values, n = np.asarray(values), self.nodes.shape[1]
+        if values.shape[-1:] != (n,):
+            raise ValueError(
+                f"a field must have a value for each of the {n} nodes of ply.nodes "
+                f"along its last axis, got shape {values.shape}"
+            )
+        return _mapped(values, self._at_users_nodes)
 
     @cached_property
     def _at_users_nodes(self) -> csr_matrix:

@@ -38,6 +38,10 @@ MESSAGES = [
         ),
         r"12 .*: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, \.\.\.",
     ),
+    (
+        lambda: Ply(SHEET, Fabric()).on_users_nodes(np.zeros(6)),
+        r"each of the 81 nodes of ply\.nodes",
+    ),
     (averaged(6), r"each of the 64 elements of ply\.mesh"),
     (averaged(64, 1), r"each of the 64 elements of ply\.mesh"),
     (averaged(), r"each of the 64 elements of ply\.mesh"),

@@ -329,6 +329,7 @@ def test_a_mesh_is_left_as_it_is_with_the_reason():
     refused = fitted(mesh, fabric(), at_nodes)
     assert refused.mesh is mesh
     assert refused.note.startswith("the mesh is left as it is: ")
+    assert "there is no fabric" in fitted(mesh, {}, HELD).note
     once = fitted(mesh, fabric(), HELD)
     again = fitted(once.mesh, fabric(), HELD)
     assert again.mesh is once.mesh
