@@ -15,7 +15,9 @@ from ..declarations.scenes import GRADED, Formed, OnTool, PlaneScene, Specimen
 from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
+from ..mesh.selection import SINGULAR
 from ..mesh.user_input import printable
+from ..ply.formulations import DEFAULT
 from ..ply.loads import BodyForce, Force
 from ..ply.terms import Load
 from ..scenes.scene import Case
@@ -49,6 +51,7 @@ from .write import tables_of
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
 
+    from ..outlines.fitting import Fitted
     from ..scenes import Scene
 
 log = logging.getLogger(__name__)
@@ -162,26 +165,44 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         else _fabric_of_file(file.fabric.file, file.fabric)
     )
     scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
-    fabric = replace(laws, warp=scene.warp, weft=scene.weft)
+    fabric: Any = replace(laws, warp=scene.warp, weft=scene.weft)
     if file.mesh.directions is not None:
         scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
     if file.fabric.file is not None and _has_other_directions(laws, scene, fabric):
         _warn_of_other_directions(file)
     if file.regions:
-        fabric = _with_regions(scene, fabric, file)
-        scene = replace(scene, misfit="the fabric differs between regions")
+        scene, fabric = _with_regions(scene, fabric, file)
+    loads = _loads(file.loads, scene.turn)
+    fit = _fitted(scene, fabric, loads, file.mesh.as_is)
+    if isinstance(fabric := fit.fabric, Mapping):
+        fabric = fabric_of_regions(fit.mesh, fabric)
     case = Case(
-        scene=scene,
+        scene=replace(scene, mesh=fit.mesh),
         fabric=fabric,
-        loads=_loads(file.loads, scene.turn),
-        formulation=file.formulation.construct(),
+        loads=loads,
+        formulation=file.formulation.construct() or fit.formulation,
         steps=file.stepping.steps,
         method=file.stepping.method,
         warn_only=file.stepping.warn_only,
         solver=file.stepping.solver,
         pictures=file.output.pictures,
+        changes=fit.note,
     )
     return replace(case, defaults=_defaults(file, case, default))
+
+
+def _fitted(
+    scene: "Scene", fabrics: Any, loads: tuple[Load, ...], as_is: bool
+) -> "Fitted":
+    """Mesh and fabric of a scene along its singular fibres, and its formulation."""
+    from ..outlines.fitting import Fitted, fitted
+
+    mesh = scene.mesh
+    if scene.dimension == 3 or (as_is and SINGULAR not in (mesh.boundaries or {})):
+        return Fitted(mesh, fabrics, DEFAULT, "")
+    fit = fitted(mesh, fabrics, scene.conditions, (*scene.loads, *loads))
+    differs = fit.mesh is not mesh or fit.formulation is DEFAULT
+    return fit if differs else fit._replace(note="")
 
 
 def _refuse_missing(key: str, name: str) -> str:
@@ -310,18 +331,23 @@ def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:
                 )
     elif options.source in MESH_KINDS:
         what = f"the mesh {source}"
-        suitable = {"size", "jitter", "seed", "directions"}
+        suitable = {"size", "jitter", "seed", "directions", "as_is"}
     elif Path(options.source).suffix.lower() in OUTLINES:
         raise ValueError(f"mesh.source {source} is a drawing: name it in mesh.outline")
     elif Path(options.source).is_file():
-        what, suitable = f"the mesh {source}", {"directions"}
+        what, suitable = f"the mesh {source}", {"directions", "as_is"}
     else:
         raise ValueError(
             f"mesh.source {source} is neither an existing file nor one of "
             f"{', '.join(MESH_KINDS)}"
         )
+    if options.as_is and not issubclass(scene.declaration, PlaneScene):
+        raise ValueError(
+            "mesh.as_is applies to scenes in the plane only: in space no mesh is fitted"
+        )
     for key in options.__struct_fields__:
-        if key not in {"source", *suitable} and getattr(options, key) is not None:
+        given = getattr(options, key) not in (None, False)
+        if key not in {"source", *suitable} and given:
             raise ValueError(
                 f"mesh.{key} does not apply to {what}: omit it, or set another "
                 "mesh.source"
@@ -482,8 +508,10 @@ def _warn_of_other_directions(file: CaseFile) -> None:
     )
 
 
-def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
-    """Fabric of the regions, and of the whole ply elsewhere."""
+def _with_regions(
+    scene: "Scene", fabric: Fabric, file: CaseFile
+) -> tuple["Scene", dict[str, Fabric]]:
+    """Scene whose elements outside all regions are one more, and a fabric for each."""
     mesh, fabrics = scene.mesh, {}
     for name, region in file.regions.items():
         fibres = [
@@ -507,7 +535,8 @@ def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
     if elsewhere.size and len(named) == len(fabrics):
         mesh = mesh.with_subdomains({_OTHERS: elsewhere})
         fabrics[_OTHERS] = fabric
-    return fabric_of_regions(mesh, fabrics)
+    misfit = "the fabric differs between regions"
+    return replace(scene, mesh=mesh, misfit=misfit), fabrics
 
 
 def _direction(degrees: float) -> np.ndarray:

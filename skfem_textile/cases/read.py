@@ -45,10 +45,6 @@ _MOST_BYTES = 1_000_000
 # Types that a case file can contain.
 _HELD = (Mapping, list, tuple, str, int, float, datetime.date, datetime.time, NoneType)
 
-# Formulation on graded meshes, chosen by `python -m studies singular_fibres --case
-# "chosen *"`.  The deviation also keeps slack fibres from moving freely.
-_ON_GRADED_MESHES = {"name": "quadratic", "deviation": 400.0, "points": 6}
-
 # Names of the types of msgspec in messages.
 _KINDS = {
     "object": "a table",
@@ -262,17 +258,11 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[AnyScene]) -> dict[str
                     "of them; fabric.compression and fabric.in_compression add a law "
                     "in compression"
                 )
-    mesh = filled["mesh"] = _with_kind(filled["mesh"], scene)
-    stepping = filled["stepping"]
-    to_tolerance = isinstance(stepping, dict) and stepping.get("tolerance") is not None
-    is_graded = isinstance(mesh, dict) and (
-        mesh["source"] == GRADED or (to_tolerance and mesh["source"] not in MESH_KINDS)
-    )
-    formulation = filled["formulation"]
-    if isinstance(formulation, dict) and "name" not in formulation:
-        defaults = _ON_GRADED_MESHES if is_graded else {"name": "macro"}
-        filled["formulation"] = {**defaults, **formulation}
-    if isinstance(stepping, dict):
+    filled["mesh"] = _with_kind(filled["mesh"], scene)
+    if isinstance(formulation := filled["formulation"], dict):
+        name = "macro" if formulation else "auto"
+        filled["formulation"] = {"name": name, **formulation}
+    if isinstance(stepping := filled["stepping"], dict):
         filled["stepping"] = {"steps": scene.steps, **stepping}
     return _laws_nested(filled, CaseFile, scene)
 

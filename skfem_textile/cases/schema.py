@@ -244,6 +244,13 @@ class Mesh(Table):
         float | None,
         about("factor of the number of lines of a graded mesh"),
     ] = None
+    as_is: Annotated[
+        bool,
+        about(
+            "leave a mesh that is not graded as it is; by default its nodes are moved "
+            "and its elements cut where singular fibres cross it"
+        ),
+    ] = False
     directions: Annotated[
         str | None,
         about(
@@ -505,10 +512,18 @@ class FormulationTable(DeclaredTable, tag_field="name"):
     """Elements and their stabilisation."""
 
 
+class Auto(FormulationTable, tag="auto"):
+    """quadratic, or macro on a mesh that singular fibres cross"""
+
+    def construct(self, **others: Any) -> None:
+        """None; `fitted` chooses the formulation."""
+
+
 if TYPE_CHECKING:
     AnyFormulation: TypeAlias = FormulationTable
 else:
     AnyFormulation = Union[  # noqa: UP007 - of a sequence
+        Auto,
         table_of(declared.OnePoint, FormulationTable, last=["stabilisation"]),
         table_of(declared.Macro, FormulationTable),
         table_of(declared.Full, FormulationTable),

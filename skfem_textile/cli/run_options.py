@@ -27,6 +27,7 @@ _OPTIONS = {
         "mesh.size",
         "number of elements along x and y, such as 8x16, of a mesh that is not graded",
     ),
+    "mesh-as-is": ("mesh.as_is", "leave a mesh that is not graded as it is"),
     "directions": ("mesh.directions", "file with the fibre directions of the elements"),
     "fabric": ("fabric.file", "file that contains all laws"),
     "tension-law": ("tension.law", "name of a law, or a .csv or .json file"),
@@ -184,6 +185,8 @@ def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
         kind = next(one for one in get_args(kind) if one is not NoneType)
     if path == "mesh.size":
         kwargs |= {"type": words.size, "metavar": "NXxNY"}
+    elif kind is bool:
+        kwargs["action"] = "store_true"
     elif get_origin(kind) is Literal:
         kwargs["choices"] = get_args(kind)
     elif get_origin(kind) is tuple:
@@ -205,7 +208,7 @@ def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
 
 def _default(value: Any) -> str:
     """Default of a key, as the end of its help."""
-    if value in (None, (), {}) or isinstance(value, dict):
+    if value in (None, (), {}) or isinstance(value, bool | dict):
         return ""
     text = value
     if isinstance(value, tuple):

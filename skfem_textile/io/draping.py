@@ -126,7 +126,7 @@ def write_draped(
         ply, cell_fields(ply, result.u, result.states[-1].parameters)
     )
     directions = FibreDirections(*(fields[name][:, :2].T for name in _VECTORS))
-    points = ply.users_mesh.p + ply.on_users_nodes(moved)
+    points = ply.users_points + ply.on_users_nodes(moved)
     for file in files:
         write_directions(file, ply.users_mesh, directions, points)
 

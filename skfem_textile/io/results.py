@@ -92,7 +92,7 @@ def fields_on_tool(
 def on_users_nodes(ply: Ply, fields: dict[str, ndarray]) -> dict[str, ndarray]:
     """Fields of vertices at the user's nodes, linear between the vertices."""
     mesh: Any = ply.mesh
-    matrix = at_nodes(ply.users_mesh, mesh.p, mesh.t, ply.parent)
+    matrix = at_nodes(ply.users_points, ply.cells, mesh.p, mesh.t, ply.parent)
     return {name: matrix @ x for name, x in fields.items()}
 
 
@@ -162,7 +162,7 @@ def write_fields(
         _write_series(result, folder, axes, "", mesh.p, [mesh.t])
         if sum(cell.shape[1] for cell in ply.cells) < mesh.nelements:
             maps = partial(on_users_nodes, ply), partial(on_users_elements, ply)
-            points = ply.users_mesh.p
+            points = ply.users_points
             _write_series(result, folder, axes, "own_", points, ply.cells, *maps)
         if has_tools(ply):
             write_tools(result, folder, axes)

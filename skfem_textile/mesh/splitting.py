@@ -247,45 +247,53 @@ def _named(
 
 
 def at_nodes(
-    mesh: Mesh, nodes: ndarray, elements: ndarray, parent: ndarray
+    points: ndarray,
+    cells: Sequence[ndarray],
+    nodes: ndarray,
+    elements: ndarray,
+    parent: ndarray,
 ) -> csr_matrix:
-    """Values at the nodes of a mesh of fields on another mesh that was made of it.
+    """Values at the nodes of cells of fields on a mesh that was made of them.
 
-    The nodes of the mesh come first in the other one.  Where they have moved, the field
-    is evaluated at their old position, in an element of the other mesh that was made of
-    a neighbour: it is linear in the triangles of each quadrilateral, and linear or
+    The nodes of the cells come first in the mesh.  Where they have moved, the field is
+    evaluated at their old position, in an element of the mesh that was made of a
+    neighbour: it is linear in the triangles of each quadrilateral, and linear or
     quadratic in triangles.
 
     Parameters
     ----------
-    mesh
-        The mesh.
+    points
+        Nodes of the cells, shape (2, n_points).
+    cells
+        Cells as node numbers, arrays of shape (3, n) and (4, n).
     nodes
-        Nodes of the other mesh, shape (2, n_nodes): vertices, then midpoints of edges.
+        Nodes of the mesh, shape (2, n_nodes): vertices, then midpoints of edges.
     elements
         Its elements as node numbers, shape (3, 4 or 6, n_elements).
     parent
-        Element of the mesh of which each was made, shape (n_elements,).
+        Cell of which each was made, shape (n_elements,).
 
     Returns
     -------
     scipy.sparse.csr_matrix
-        Shape (n_nodes of the mesh, n_nodes).
+        Shape (n_points, n_nodes).
     """
-    n, shape = mesh.p.shape[1], (mesh.p.shape[1], nodes.shape[1])
-    moved = (mesh.p != nodes[:, :n]).any(axis=0)
+    n, shape = points.shape[1], (points.shape[1], nodes.shape[1])
+    moved = (points != nodes[:, :n]).any(axis=0)
     if not moved.any():
         return csr_matrix(eye(*shape))
     if len(elements) == 4:
         elements = np.hstack([elements[[0, 1, 2]], elements[[0, 2, 3]]])
         parent = np.tile(parent, 2)
     made = csr_matrix((np.ones(len(parent)), (parent, np.arange(len(parent)))))
-    every = np.tile(np.arange(mesh.nelements), len(mesh.t))
-    corners = csr_matrix((np.ones(mesh.t.size), (mesh.t.ravel(), every)))
+    corner = np.concatenate([cell.ravel(order="F") for cell in cells])
+    sides = np.concatenate([np.full(cell.shape[1], len(cell)) for cell in cells])
+    of_corner = np.repeat(np.arange(len(sides)), sides)
+    corners = csr_matrix((np.ones(corner.size), (corner, of_corner)))
     node, element = (corners @ made).nonzero()
     node, element = node[moved[node]], element[moved[node]]
     a, b, c = nodes[:, elements[:3, element]].transpose(1, 0, 2)
-    x, area = mesh.p[:, node], cross(b - a, c - a)
+    x, area = points[:, node], cross(b - a, c - a)
     share = (
         np.stack([cross(c - b, x - b), cross(a - c, x - c), cross(b - a, x - a)]) / area
     )
@@ -317,7 +325,8 @@ class Changed(NamedNodes):
     original
         The other mesh.
     parent
-        Its element in which each element lies, shape (n_elements,).
+        Its element in which each element lies, of a `SplitMesh` the index into its
+        ``originals``, shape (n_elements,).
     made
         Node numbers and parent of each element as they were made, in lexical order.
     """
@@ -370,7 +379,8 @@ def cut(mesh: MeshQuad) -> CutMesh:
     """Cut every quadrilateral into two triangles.
 
     The diagonal maximises the area of the smaller triangle, so that no triangle lies
-    outside a non-convex quadrilateral.  Names of boundaries, subdomains and nodes are
+    outside a non-convex quadrilateral.  Of a `SplitMesh` the elements of the original
+    mesh are cut, and its triangles stay.  Names of boundaries, subdomains and nodes are
     kept.
 
     Raises
@@ -387,12 +397,38 @@ def cut(mesh: MeshQuad) -> CutMesh:
     if getattr(mesh, "elem", None) != ElementQuad1:
         raise ValueError(f"only a skfem.MeshQuad can be cut, not {type(mesh).__name__}")
     refuse_nodes(mesh.p, [mesh.t])
+    if was_split(mesh):
+        return _cut_originals(mesh)
     triangles = replace(mesh, t=_with_diagonal(mesh)).to_meshtri()
     triangles = with_named_nodes(triangles, named_nodes(mesh))
     parent = np.tile(np.arange(mesh.nelements), 2)
     if was_changed(mesh):
         return changed(triangles, mesh.original, mesh.parent[parent])
     return changed(triangles, mesh, parent)
+
+
+def _cut_originals(mesh: SplitMesh) -> CutMesh:
+    """Triangles of the originals of a split mesh."""
+    n = 1 + max(int(cell.max()) for cell in mesh.originals)
+    triangles, parent, first = [], [], 0
+    for cell in mesh.originals:
+        parts = cell if len(cell) == 3 else triangles_of(MeshQuad(mesh.p, cell))
+        number = first + np.arange(cell.shape[1])
+        triangles.append(parts)
+        parent.append(np.resize(number, parts.shape[1]))
+        first += cell.shape[1]
+    made, of = MeshTri(mesh.p[:, :n], np.hstack(triangles)), np.concatenate(parent)
+    boundaries = {}
+    for name, facets in (mesh.boundaries or {}).items():
+        corner, middle = np.sort(mesh.facets[:, facets], axis=0)
+        halves = np.argsort(middle, kind="stable")
+        boundaries[name] = edge_numbers(made.facets, corner[halves].reshape(-1, 2).T)
+    subdomains = {
+        name: np.flatnonzero(np.isin(of, mesh.origin[mesh.parent[elements]]))
+        for name, elements in (mesh.subdomains or {}).items()
+    }
+    made = with_names(made, boundaries or None, subdomains or None)
+    return changed(with_named_nodes(made, named_nodes(mesh)), mesh, of)
 
 
 def corner_areas(mesh: MeshQuad) -> ndarray:
@@ -438,5 +474,5 @@ def original_elements(mesh: Mesh) -> tuple[tuple[ndarray, ...], ndarray]:
     if was_split(mesh):
         return mesh.originals, mesh.origin[mesh.parent]
     if was_changed(mesh):
-        return (mesh.original.t,), mesh.parent
+        return original_elements(mesh.original)[0], mesh.parent
     return (mesh.t,), np.arange(mesh.nelements)

@@ -5,7 +5,8 @@ Short edges that result are collapsed.
 """
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,8 @@ import shapely
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
-from ..fabric import Fabric
+from ..fabric import Fabric, is_zero
+from ..fabric.directions import with_smooth_fields
 from ..mesh.checks import check_mesh
 from ..mesh.graph import boundary_edges, edges_of
 from ..mesh.scikit_fem import with_names
@@ -23,8 +25,17 @@ from ..mesh.selection import (
     named_nodes,
     with_named_nodes,
 )
-from ..mesh.splitting import changed, corner_areas
+from ..mesh.splitting import (
+    changed,
+    corner_areas,
+    cut,
+    original_elements,
+    was_changed,
+    was_split,
+)
 from ..mesh.user_input import coords
+from ..ply.formulations import DEFAULT, ON_FIBRES, SMOOTH
+from ..ply.terms import Formulation
 from ..solve.conditions import Conditions
 from .cells import cross
 from .fibres import singular_fibres
@@ -80,12 +91,16 @@ class Fitted(NamedTuple):
     ----------
     mesh, fabric
         See `FittedMesh` and `along_edges`; or as they were.
+    formulation
+        Formulation for this mesh: `ON_FIBRES` where edges lie on the singular fibres,
+        `SMOOTH` where there are none, `DEFAULT` where they cross the elements.
     note
         Changes, or the reason why there are none, in one line.
     """
 
     mesh: Mesh
     fabric: Fabric | Mapping[str, Fabric]
+    formulation: Formulation
     note: str
 
 
@@ -100,7 +115,8 @@ def fitted(
     Parameters
     ----------
     mesh, fabric, conditions, loads
-        See `fit_to_fibres`.
+        See `fit_to_fibres`.  Directions per element, which must vary smoothly, are
+        replaced by functions of position.
 
     Raises
     ------
@@ -110,40 +126,65 @@ def fitted(
     Examples
     --------
     >>> from skfem import MeshQuad
-    >>> from skfem_textile import Condition, LoadStepper, Ply, Quadratic
+    >>> from skfem_textile import Condition, LoadStepper, Ply
     >>> mesh = MeshQuad().refined(3).scaled((50.0, 110.0)).with_defaults()
     >>> fabric = Fabric(1e5, 0.5, warp=(1, 1), weft=(-1, 1))
     >>> held = {"fixed": Condition("bottom"), "pulled": Condition("top", (0, 5))}
     >>> fit = fitted(mesh, fabric, held)
     >>> fit.note
     '10 nodes moved and 32 of 64 elements cut along singular fibres'
-    >>> ply = Ply(fit.mesh, fit.fabric, Quadratic(400, points=6))
+    >>> ply = Ply(fit.mesh, fit.fabric, fit.formulation)
     >>> u = LoadStepper(ply, held, steps=1).run().u
     >>> ply.on_users_nodes(ply.nodal(u)).shape == mesh.p.shape
     True
     """
     check_mesh(mesh)
     if SINGULAR in (mesh.boundaries or {}):
-        return Fitted(mesh, fabric, "the mesh has edges on singular fibres already")
+        note = "the mesh has edges on singular fibres already"
+        return Fitted(mesh, _along(mesh, fabric), ON_FIBRES, note)
     try:
-        fit = fit_to_fibres(mesh, fabric, conditions, loads)
+        smooth = _each(fabric, partial(with_smooth_fields, mesh))
+        fit = fit_to_fibres(mesh, smooth, conditions, loads)
     except ValueError as error:
-        return Fitted(mesh, fabric, f"the mesh is left as it is: {error}")
+        note = f"the mesh is left as it is: {error}"
+        return Fitted(mesh, fabric, DEFAULT, note)
     if SINGULAR not in (fit.mesh.boundaries or {}):
-        return Fitted(mesh, fabric, "no fibre is singular within the mesh")
-    on: Any = fit.mesh
-    n = mesh.p.shape[1]
-    moved = int((fit.mesh.p[:, :n] != mesh.p).any(axis=0).sum())
-    halved = mesh.t.shape[0] == 4 and fit.mesh.t.shape[0] == 3
-    cut = int((np.bincount(fit.parent) > 1 + halved).sum())
-    note = (
-        f"{moved} nodes moved and {cut} of {mesh.nelements} elements cut along "
+        note = "no fibre is singular within the mesh"
+        return Fitted(mesh, fabric, SMOOTH, note)
+    fabrics = fabric.values() if isinstance(fabric, Mapping) else [fabric]
+    if all(is_zero(one.shear_law) for one in fabrics):
+        note = (
+            "the mesh is left as it is: without shear stiffness nothing resists a jump "
+            "of the shear angle at singular fibres"
+        )
+        return Fitted(mesh, fabric, DEFAULT, note)
+    return Fitted(fit.mesh, _along(fit.mesh, smooth), ON_FIBRES, _changes(mesh, fit))
+
+
+def _changes(mesh: Mesh, fit: FittedMesh) -> str:
+    """Numbers of nodes that a fit has moved, and of elements that it has cut."""
+    cells, _ = original_elements(mesh)
+    sides = np.concatenate([np.full(cell.shape[1], len(cell)) for cell in cells])
+    n = 1 + max(int(cell.max()) for cell in cells)
+    moved = int((fit.mesh.p[:, :n] != mesh.p[:, :n]).any(axis=0).sum())
+    whole = np.where((sides == 4) & (len(fit.mesh.t) == 3), 2, 1)
+    cut = int((np.bincount(fit.parent, minlength=len(sides)) > whole).sum())
+    return (
+        f"{moved} nodes moved and {cut} of {len(sides)} elements cut along "
         "singular fibres"
     )
+
+
+def _along(mesh: Any, fabric: Fabric | Mapping[str, Fabric]) -> Any:
+    """Fabric along the edges of a mesh, see `along_edges`."""
+    return _each(fabric, partial(along_edges, mesh))
+
+
+def _each(fabric: Any, change: Callable[[Fabric], Fabric]) -> Any:
+    """A fabric, or the one of each subdomain, after a change."""
     if isinstance(fabric, Mapping):
-        fabrics = {name: along_edges(on, one) for name, one in fabric.items()}
-        return Fitted(fit.mesh, fabrics, note)
-    return Fitted(fit.mesh, along_edges(on, fabric), note)
+        return {name: change(one) for name, one in fabric.items()}
+    return change(fabric)
 
 
 def fit_to_fibres(
@@ -161,7 +202,8 @@ def fit_to_fibres(
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri` or `skfem.MeshQuad`.
+        A `skfem.MeshTri` or `skfem.MeshQuad`; of a `SplitMesh` the original elements
+        are fitted.
     fabric
         The fabric, or one for each subdomain by name.
     conditions, loads
@@ -185,6 +227,7 @@ def fit_to_fibres(
     (True, True)
     """
     check_mesh(mesh)
+    mesh = cut(mesh) if was_split(mesh) else mesh
     fabrics: dict[str, Fabric] = {}
     regions: dict[str, ndarray] = {}
     if isinstance(fabric, Mapping):
@@ -472,7 +515,10 @@ class _Fit:
         if len(self.t) == 3 and len(self.parent) > mesh.nelements:
             self._report_smallest_angle()
         fitted = with_named_nodes(fitted, named_nodes(mesh))
-        return FittedMesh(changed(fitted, mesh, self.parent), self.parent)
+        original, parent = mesh, self.parent
+        if was_changed(mesh):
+            original, parent = mesh.original, mesh.parent[parent]
+        return FittedMesh(changed(fitted, original, parent), parent)
 
     def _report_smallest_angle(self) -> None:
         """Log the smallest angle if it is very small."""

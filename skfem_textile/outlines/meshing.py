@@ -443,7 +443,10 @@ def _bows(ends: ndarray, fabric: Fabric) -> ndarray:
     for family in fabric.families:
         v = unit_vectors(family.name, family.direction, ends)
         v = np.broadcast_to(v, ends.shape)
-        angle = np.arctan(cross(chord[:, None], v) / (chord[:, None] * v).sum(axis=0))
+        dot = (chord[:, None] * v).sum(axis=0)
+        angle = np.arctan2(
+            cross(chord[:, None], v) * np.where(dot < 0, -1, 1), np.abs(dot)
+        )
         most = np.abs(angle).max(axis=0)
         normal = np.stack([-chord[1], chord[0]])
         # A parabola deviates in the middle by an eighth of its turn times the chord.

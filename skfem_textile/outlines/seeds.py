@@ -34,6 +34,9 @@ _AT_CORNER = 1e-3
 # changes the slope by more than _KINK times the largest displacement over the length.
 _FINE, _KINK = 512, 1e-3
 
+# Rounding of second differences of a motion, relative to the positions.
+_ROUNDING = 64 * np.finfo(float).eps
+
 # Part of the total variation of a traction along an edge above which the change within
 # an interval may be a jump.
 _JUMP = 1e-3
@@ -336,7 +339,8 @@ def _kinks(
     size = float(np.abs(motion(s)).max())
     bend = np.pad(bends(s), 1)
     peak = (bend[1:-1] >= bend[:-2]) & (bend[1:-1] > bend[2:])
-    peak &= bend[1:-1] > _KINK * size / _FINE
+    rounding = _ROUNDING * max(np.abs(start).max(), np.abs(end).max())
+    peak &= bend[1:-1] > max(_KINK * size / _FINE, rounding)
     kinks = []
     for i in np.flatnonzero(peak) + 1:
         low, high, last = s[i - 1], s[i + 1], bend[i]

@@ -424,11 +424,7 @@ class Macro(declared.Macro, Quadrilaterals):
         """The split mesh; the mesh itself if it was already split."""
         if was_split(mesh):
             return mesh
-        if isinstance(mesh, SplitMesh):
-            raise MeshError(
-                "the mesh was refined, restricted or renumbered after it was split: "
-                "do this before splitting, or pass its elements as a new MeshQuad"
-            )
+        _refuse_changed_after_split(mesh)
         check_mesh(mesh)
         return split(mesh)
 
@@ -507,12 +503,8 @@ class Quadratic(declared.Quadratic, Pointwise):
         return OF_QUADRATIC + _OF_UNRESOLVED_LAYER * _height_of_layer(mesh) + off
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
-        """Triangles unchanged, quadrilaterals cut."""
-        if isinstance(mesh, SplitMesh):
-            raise MeshError(
-                "quadratic triangles do not accept a split mesh, such as one from a "
-                "file with both triangles and quadrilaterals: use a mesh of one kind"
-            )
+        """Triangles unchanged, quadrilaterals cut; also those of a split mesh."""
+        _refuse_changed_after_split(mesh)
         if getattr(mesh, "elem", None) is not ElementQuad1:
             return mesh
         check_mesh(mesh)
@@ -562,5 +554,21 @@ def _calibrated(mesh: Mesh) -> float:
     return _ALONG_SINGULAR if along else _ACROSS_SINGULAR
 
 
-#: Default formulation.
+def _refuse_changed_after_split(mesh: Mesh) -> None:
+    if isinstance(mesh, SplitMesh) and not was_split(mesh):
+        raise MeshError(
+            "the mesh was refined, restricted or renumbered after it was split: "
+            "do this before splitting, or pass its elements as a new MeshQuad"
+        )
+
+
+#: Default formulation, for meshes that singular fibres may cross.
 DEFAULT = Macro()
+
+#: Formulation where edges of the mesh lie on all singular fibres, chosen by `python -m
+#: studies singular_fibres --case "chosen *"`.  The deviation also keeps slack fibres
+#: from moving freely.
+ON_FIBRES = Quadratic(400.0, points=6)
+
+#: Formulation where no fibre is singular.
+SMOOTH = Quadratic(80.0)

@@ -94,8 +94,7 @@ class Ply(SumOfTerms):
     Raises
     ------
     MeshError
-        If the mesh is not valid, was changed after splitting, or was split and the
-        formulation is `Quadratic`.
+        If the mesh is not valid, or was changed after splitting.
     ValueError
         If the fabric has no stiffness, a fibre direction is invalid on the mesh, a law
         is inconsistent (`check_laws`), a term is invalid, the dimension is not 2 or 3,
@@ -264,7 +263,8 @@ class Ply(SumOfTerms):
         np.add.at(total, parent, area)
         rows, columns, share = parent, number, area / total[parent]
         if (lost := np.flatnonzero(total == 0)).size:  # by a fit: a neighbour is there
-            centre = self.users_mesh.p[:, self.users_mesh.t[:, lost]].mean(axis=1)
+            corners = (self.users_points[:, cell].mean(axis=1) for cell in self.cells)
+            centre = np.hstack([*corners])[:, lost]
             centres = mesh.p[:, mesh.t].mean(axis=1)
             _, nearest = KDTree(centres.T).query(centre.T)
             rows, columns = np.append(parent, lost), np.append(number, nearest)
@@ -272,7 +272,7 @@ class Ply(SumOfTerms):
         return csr_matrix((share, (rows, columns)))
 
     def on_users_nodes(self, values: ndarray) -> ndarray:
-        """Nodal field at the nodes of ``users_mesh``, where they were before a fit.
+        """Nodal field at the ``users_points``, where they were before a fit.
 
         Parameters
         ----------
@@ -282,7 +282,7 @@ class Ply(SumOfTerms):
         Returns
         -------
         ndarray
-            Shape (..., n_users_nodes).
+            Shape (..., n_users_points).
 
         Raises
         ------
@@ -307,11 +307,18 @@ class Ply(SumOfTerms):
 
     @cached_property
     def _at_users_nodes(self) -> csr_matrix:
-        """Values of nodal fields at the user's nodes, (n_users_nodes, n_nodes)."""
+        """Values of nodal fields at the user's nodes, (n_users_points, n_nodes)."""
         element_nodes = self.basis.element_dofs[:: components(self.basis)]
         element_nodes = element_nodes // components(self.basis)
         of = self.nodes, element_nodes, self.parent
-        return at_nodes(self.users_mesh, *of)
+        return at_nodes(self.users_points, self.cells, *of)
+
+    @property
+    def users_points(self) -> ndarray:
+        """Positions of the nodes of the user's elements, shape (2, n_users_points)."""
+        n = 1 + max(int(cell.max()) for cell in self.cells)
+        points: ndarray = self.users_mesh.p[:, :n]
+        return points
 
     @property
     def element_size(self) -> float:

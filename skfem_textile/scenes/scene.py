@@ -457,8 +457,9 @@ class Case:
         As for `LoadStepper`.
     pictures
         True if pictures are written in addition to summary, history and fields.
-    defaults
-        Note on default laws, which is printed; empty if there are none.
+    defaults, changes
+        Notes on default laws, and on changes of the mesh, which are printed; empty if
+        there are none.
 
     Examples
     --------
@@ -480,6 +481,7 @@ class Case:
     solver: str = "auto"
     pictures: bool = True
     defaults: str = ""
+    changes: str = ""
 
     def ply(self) -> Ply:
         """The ply at rest.
@@ -534,8 +536,12 @@ class Case:
             misfit = "forces act in addition to the conditions of the scene"
             scene = replace(scene, misfit=misfit)
         summary = scene.summary(result)
-        if not self.defaults:
-            return summary
-        note = Quantity("Note", "default_fabric").declared()
-        first = [note, *summary["first"]]
-        return {**summary, "default_fabric": self.defaults, "first": first}
+        notes = {
+            Quantity("Mesh", "mesh_changes"): self.changes,
+            Quantity("Note", "default_fabric"): self.defaults,
+        }
+        for quantity, text in notes.items():
+            if text:
+                first = [quantity.declared(), *summary["first"]]
+                summary |= {quantity.key: text, "first": first}
+        return summary

@@ -66,7 +66,7 @@ def test_frames_are_exact_with_any_sides(tmp_path, scene, options, inputs):
 
 def test_half_a_bias_extension_runs_with_given_fibres(tmp_path):
     fibres = "--fibres 40 --shear-stiffness 0.5 --steps 1 --no-render"
-    how = "--mesh aligned --set formulation.cs_N_per_mm=5"
+    how = "--mesh aligned --mesh-as-is --set formulation.cs_N_per_mm=5"
     whole, half = (
         computed(tmp_path / part, "bias_extension", fibres, how, of)["load_over_exact"]
         for part, of in (("whole", "--size 4x8"), ("half", "--size 2x8 --part half"))
@@ -83,7 +83,7 @@ def test_half_a_bias_extension_runs_with_given_fibres(tmp_path):
 @pytest.mark.parametrize("kind", ["energy", "rate"])
 def test_a_run_accepts_the_papers_stabilisation(tmp_path, kind):
     options = f"--formulation one-point --set formulation.stabilisation={kind}"
-    options += " --shear-stiffness 1 --set formulation.cs_N_per_mm=10"
+    options += " --shear-stiffness 1 --set formulation.cs_N_per_mm=10 --mesh-as-is"
     few = "--size 2x4 --shear-angle 5 --steps 1 --no-render"
     summary = computed(tmp_path, "bias_extension", few, options)
     scene = bias_extension(size=(2, 4), shear_angle=np.radians(5.0))
@@ -130,14 +130,16 @@ def test_a_run_accepts_a_mesh_file_and_full_integration(tmp_path):
 
 SCENES = "strip", "trellis", "bias_extension", "picture_frame"
 ONE_POINT, QUADRATIC = "--formulation one-point", "--formulation quadratic"
+MACRO = "--formulation macro"
 
 #: Options of elements; their formulation and their number in a cell of a grid.
 ELEMENTS = [
-    ("", "macro", 4),
+    ("", "auto", 2),
+    ("--formulation macro", "macro", 4),
     ("--set formulation.cs_N_per_mm=4", "macro", 4),
     (ONE_POINT, "one-point", 1),
     (QUADRATIC, "quadratic", 2),
-    ("--mesh delaunay", "macro", 6),
+    ("--mesh delaunay --formulation macro", "macro", 6),
     (f"--mesh delaunay {ONE_POINT}", "one-point", 6),
     (f"--mesh delaunay {QUADRATIC}", "quadratic", 2),
 ]
@@ -149,18 +151,20 @@ ELEMENTS = [
         (scene, *elements)
         for scene in SCENES
         for i, elements in enumerate(ELEMENTS)
-        if scene == "strip" or i == 4
+        if scene == "strip" or i == 5
     ],
 )
 def test_every_scene_has_every_kind_of_elements(
     tmp_path, scene, more, formulation, parts
 ):
-    """Macro-elements, unless another formulation is chosen."""
+    """Quadratic elements without singular fibres, unless another one is named."""
     common = "--size 2x2 --steps 1 --no-render --shear-stiffness 0.5 --mesh irregular"
+    common += " --mesh-as-is" * (scene != "strip")
     summary = computed(tmp_path, scene, common, more, "--rotate 30")
     assert summary["n_elements"] == parts * 4
-    assert summary["formulation"] == formulation
     assert summary["inputs"]["formulation"]["name"] == formulation
+    formulation = formulation.replace("auto", "quadratic")
+    assert summary["formulation"] == formulation
     assert summary["inputs"]["mesh"]["size"] == [2, 2]
     of_user = 2 if "delaunay" in more else 1
     own = list((tmp_path / "fields").glob("own_step_*.vtu"))
@@ -174,11 +178,13 @@ def test_every_scene_has_every_kind_of_elements(
 @pytest.mark.parametrize(
     ("cells", "options", "elements"),
     [
-        ("triangles", "", 3 * 8),
-        ("quadrilaterals", "", 4 * 4),
-        ("both", "", 3 * 6),
+        ("triangles", MACRO, 3 * 8),
+        ("quadrilaterals", MACRO, 4 * 4),
+        ("both", MACRO, 3 * 6),
         ("triangles", QUADRATIC, 8),
         ("quadrilaterals", QUADRATIC, 8),
+        ("both", QUADRATIC, 8),
+        ("both", "", 8),
     ],
 )
 def test_cells_of_a_file_are_split_or_cut(tmp_path, cells, options, elements):
@@ -186,11 +192,11 @@ def test_cells_of_a_file_are_split_or_cut(tmp_path, cells, options, elements):
     few = "--steps 1 --no-render"
     summary = computed(tmp_path / "out", "strip", "--mesh", mesh, options, few)
     assert summary["n_elements"] == elements
-    assert summary["formulation"] == ("quadratic" if options else "macro")
+    assert summary["formulation"] == ("macro" if options == MACRO else "quadratic")
 
 
 def test_inputs_in_the_summary_describe_the_mesh_in_use(tmp_path):
     quick = "--formulation full --steps 1 --no-render --mesh aligned --size 2x2"
     inputs = computed(tmp_path, "strip", quick)["inputs"]["mesh"]
     made = {"source": "aligned", "size": [2, 2], "jitter": 0.3, "seed": 1}
-    assert inputs == made
+    assert inputs == {**made, "as_is": False}

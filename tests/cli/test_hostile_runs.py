@@ -157,12 +157,12 @@ def compare_with_line(line, case):
     """Check a written case for the values of the line, and defaults otherwise."""
     expected, scene = defaults(line.scene), SCENES[line.scene].declaration
     source = options.kind_of_mesh(line.scene, line.values)
-    expected["mesh"] = {"source": source}
+    expected["mesh"] = {"source": source, "as_is": False}
     if source == options.GRADED:
         expected["mesh"] |= {"density": 1.0}
     elif source in options.MESHES:
         expected["mesh"] |= {"size": [*scene.size], "jitter": scene.jitter, "seed": 1}
-    name = options.formulation(line.scene, line.values)
+    name = options.formulation(line.values)
     if name in line.values.values() or name != expected["formulation"]["name"]:
         expected["formulation"] = {"name": name}
     expected["output"] = expected["output"] | {"pictures": False}

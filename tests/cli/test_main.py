@@ -8,6 +8,7 @@ import pytest
 
 from skfem_textile.cases import SCENES, case_from_tables
 from skfem_textile.cli import main as cli
+from skfem_textile.declarations.scenes import PlaneScene
 from tests.helpers.command_line import QUICK, rejected
 
 pytestmark = pytest.mark.usefixtures("no_interval")
@@ -59,8 +60,8 @@ def plain_run(capsys, scene, out, how):
     for warning in warnings:
         assert warning.endswith("the fabric has no shear stiffness, so specify one")
     summary = json.loads((out / "summary.json").read_text())
-    is_graded = summary["inputs"]["mesh"]["source"] == "graded"
-    assert summary["formulation"] == ("quadratic" if is_graded else "macro")
+    in_plane = issubclass(SCENES[scene].declaration, PlaneScene)
+    assert summary["formulation"] == ("quadratic" if in_plane else "macro")
     assert summary["stable"]
     assert summary["path_resolved"]
     return summary, summary["inputs"]
@@ -82,8 +83,8 @@ FORCE = 100 * 0.5 * np.pi / 4 * np.cos(np.pi / 4)
 @pytest.mark.parametrize(
     ("scene", "how", "expected"),
     [
-        ("strip", "--steps 4", IN_PLANE | {"n_elements": (4 * 150, 0)}),
-        ("trellis", "--steps 2", IN_PLANE | {"n_elements": (4 * 100, 0)}),
+        ("strip", "--steps 4", IN_PLANE | {"n_elements": (2 * 150, 0)}),
+        ("trellis", "--steps 2", IN_PLANE | {"n_elements": (2 * 100, 0)}),
         (
             "picture_frame",
             "--steps 2",
@@ -139,7 +140,7 @@ def test_a_plain_bias_extension_shows_its_three_zones(tmp_path, capsys):
     [
         ("bias_extension", ["(default: graded)", "(default: 100000.0)"]),
         ("strip", ["(default: 10x15)", "(default: 10000.0)", "(default: 0.0)"]),
-        ("trellis", ["(default: 10000.0)", "(default: 0.5)", "(default: macro)"]),
+        ("trellis", ["(default: 10000.0)", "(default: 0.5)", "(default: auto)"]),
     ],
 )
 def test_the_help_of_a_scene_lists_its_defaults(capsys, scene, message):

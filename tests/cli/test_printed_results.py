@@ -32,7 +32,7 @@ point_mm = [0, 0, 9]
 """
 
 UNIT = r" N| mm|°| %| N/mm²| s\b"
-REASON = r"no error interval|within the tolerance|: |^Warnings +none$"
+REASON = r"no error interval|within the tolerance|: |^Warnings +none$|^Mesh +\d+ nodes"
 
 
 def words(scene, folder):
@@ -78,7 +78,7 @@ def test_a_run_prints_at_most_15_lines_with_units_or_reasons(ended, printed):
     )
     assert 0 < shear < strain < risk < len(names) - 1
     assert names[-1] == "Run time"
-    notes = [i for i, x in enumerate(names) if x in ("Note", "Warning")]
+    notes = [i for i, x in enumerate(names) if x in ("Note", "Mesh", "Warning")]
     assert notes == [*range(len(notes))]
     assert ("Warnings" in names[risk + 1 : -1]) == (not notes)
     (load,) = (x for x in lines if re.search(" ± |no error interval|within the", x))

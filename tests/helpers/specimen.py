@@ -19,6 +19,7 @@ bottom = [0, 0]
 top = ["free", 12]
 [mesh]
 size = [2, 3]
+as_is = true
 [tension]
 law = "crimp-toe"
 stiffness_N_per_mm = 1000

@@ -183,7 +183,7 @@ def test_standard_output_of_the_command_line_contains_no_progress(
     tmp_path, capsys, monkeypatch, at_once
 ):
     command = ["run", "strip", "--size", "2x3", "--steps", "2", "--no-render"]
-    command += ["--shear-stiffness", "0.5", "--out"]
+    command += ["--shear-stiffness", "0.5", "--mesh-as-is", "--out"]
 
     def printed(switch):
         monkeypatch.setenv(SWITCH, switch)

@@ -44,9 +44,34 @@ def test_a_graded_mesh_without_singular_fibres_follows_the_fibres(scene):
 
 @pytest.mark.parametrize("key", [{"size": [3, 4]}, {"jitter": 0.1}, {"seed": 2}])
 def test_a_key_of_a_grid_gives_a_grid(key):
-    built = case("bias_extension", key)
+    built = case("bias_extension", {**key, "as_is": True})
     assert SINGULAR not in built.scene.mesh.boundaries
     assert built.formulation == DEFAULT
+    assert not built.changes
+
+
+@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
+def test_a_mesh_is_fitted_to_the_singular_fibres_unless_it_stays_as_it_is(kind):
+    built = case("bias_extension", {"source": kind, "size": [6, 18]})
+    assert SINGULAR in built.scene.mesh.boundaries
+    assert built.formulation == Quadratic(400.0, 6)
+    assert "nodes moved and" in built.changes
+
+
+def test_quadratic_elements_are_chosen_where_no_fibre_is_singular():
+    built = case("strip")
+    assert built.scene.mesh.nelements == 150
+    assert built.formulation == Quadratic(80.0)
+    assert not built.changes
+
+
+def test_a_mesh_that_cannot_be_fitted_stays_with_the_reason():
+    """Without shear stiffness nothing resists a jump of the shear angle."""
+    shear = {"stiffness_N_per_mm": 0.0}
+    built = case("bias_extension", {"size": [6, 18]}, shear=shear)
+    assert SINGULAR not in built.scene.mesh.boundaries
+    assert built.formulation == DEFAULT
+    assert built.changes.startswith("the mesh is left as it is: without shear stiff")
 
 
 def test_the_mesh_of_a_drawing_follows_the_singular_fibres(coupon):

@@ -20,9 +20,11 @@ from skfem_textile import (
 from skfem_textile.io.results import write_fields
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.mesh.selection import SINGULAR, with_named_nodes
+from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.outlines import Outline, fitting, singular_fibres
 from skfem_textile.outlines.fitting import fit_to_fibres, smallest_angles
 from skfem_textile.outlines.meshing import mesh_outline
+from skfem_textile.ply.formulations import DEFAULT
 from skfem_textile.scenes.rectangle import rectangle as irregular
 
 HELD = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 12.0))}
@@ -318,6 +320,81 @@ def test_files_of_the_users_mesh_have_its_nodes(tmp_path):
     )
     exact = ply.on_users_nodes(ply.nodal(result.u))
     assert np.abs(u - exact).max() < 0.1
+
+
+def both_kinds(n=6):
+    """Triangles on the left, quadrilaterals on the right, split, with names."""
+    mesh = rectangle(MeshQuad, n)
+    left = mesh.subdomains["left half"]
+    right = np.setdiff1d(np.arange(mesh.nelements), left)
+    quads = mesh.t[:, left]
+    cells = np.hstack([quads[[0, 1, 2]], quads[[0, 2, 3]]]), mesh.t[:, right]
+    edges = {name: mesh.facets[:, at] for name, at in mesh.boundaries.items()}
+    regions = {"left half": np.arange(2 * len(left))}
+    return split_cells(mesh.p, cells, edges, regions), mesh
+
+
+def test_the_cells_of_a_file_of_both_kinds_are_fitted():
+    """Names and values belong to the cells, not to their parts."""
+    mesh, plain = both_kinds()
+    fit = fitted(mesh, fabric(41.0), HELD)
+    assert isinstance(fit.mesh, MeshTri)
+    assert fit.mesh.nelements < mesh.nelements
+    ply = Ply(fit.mesh, fit.fabric, fit.formulation)
+    assert [cell.shape[1] for cell in ply.cells] == [c.shape[1] for c in mesh.cells]
+    np.testing.assert_allclose(ply.on_users_nodes(ply.nodes), plain.p, atol=1e-11)
+    for name in ("bottom", "right"):
+        expected = plain.p[:, plain.facets[:, plain.boundaries[name]]]
+        edges = fit.mesh.p[:, fit.mesh.facets[:, fit.mesh.boundaries[name]]]
+        length = [np.hypot(*np.diff(x, axis=1)).sum() for x in (edges, expected)]
+        assert length[0] == pytest.approx(length[1])
+    left = fit.mesh.subdomains["left half"]
+    assert areas(fit.mesh)[left].sum() == pytest.approx(2500)
+
+
+def test_values_of_cells_of_both_kinds_are_means_over_their_parts():
+    mesh, _ = both_kinds()
+    ply = Ply(mesh, fabric(41.0), Quadratic())
+    x = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    centres = np.hstack([mesh.p[:, cell].mean(axis=1) for cell in mesh.cells[:1]])
+    found = ply.on_users_elements(x)[:, : centres.shape[1]]
+    np.testing.assert_allclose(found, centres)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_smooth_directions_per_element_are_as_good_as_their_field(seed):
+    """Arcs about a point, given in each element, on a mesh that is fitted."""
+    mesh = irregular(50.0, 100.0, (16, 32), "irregular", 0.3, seed)
+
+    def arcs(x):
+        return np.stack([50.0 - x[1], x[0] + 120.0])
+
+    def rays(x):
+        return np.stack([x[0] + 120.0, x[1] - 50.0])
+
+    x = mesh.p[:, mesh.t].mean(axis=1)
+    given = {"arcs": Fabric(1e4, 0.5, rays, arcs)}
+    given["values"] = Fabric(1e4, 0.5, rays(x), arcs(x))
+    held = {"bottom": Condition("bottom"), "top": Condition("top", (4.0, 0.0))}
+    loads = {}
+    for name, of in given.items():
+        fit = fitted(mesh, of, held)
+        assert "cut along singular fibres" in fit.note
+        stepper = LoadStepper(Ply(fit.mesh, fit.fabric, fit.formulation), held, 1)
+        loads[name] = stepper.run().states[-1].reactions["top"][0]
+    assert loads["values"] == pytest.approx(loads["arcs"], rel=2e-3)
+
+
+def test_directions_that_change_their_sign_are_not_smooth():
+    mesh, plain = rectangle(MeshQuad, 6), fabric(41.0)
+    sign = np.where(np.arange(mesh.nelements) % 2, 1, -1)
+    warp = np.outer(plain.warp, sign)
+    fit = fitted(mesh, Fabric(1e5, 0.5, warp, plain.weft), HELD)
+    assert fit.mesh is mesh
+    assert fit.formulation == DEFAULT
+    assert "the warp directions of the elements do not follow a smooth" in fit.note
+    uniform = fitted(mesh, Fabric(1e5, 0.5, np.outer(plain.warp, sign**2)), HELD)
+    assert uniform.fabric.warp == pytest.approx(plain.warp)
 
 
 def test_a_mesh_is_left_as_it_is_with_the_reason():

@@ -100,7 +100,7 @@ PLIES = [
         )
         for x in ("rate", "continuity")
     ),
-    (lambda: ply_on(split(MeshQuad())), "quadratic triangles do not accept a split me"),
+    (lambda: ply_on(split(MeshQuad()).refined()), "refined, restricted or renumbered"),
     (lambda: ply_on(MeshTri2()), "a skfem.MeshTri with straight edges, not MeshTri2$"),
     (
         lambda: Constraints(ply_on(SQUARES).basis, {"c": Condition(SQUARES.p[1] == 0)}),

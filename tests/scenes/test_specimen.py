@@ -66,7 +66,7 @@ def case(**more):
 
 def test_a_case_and_the_command_line_give_the_same_summary(tmp_path):
     laws = ("--fibre-stiffness", "1e4", "--shear-stiffness", "0.5")
-    options = ("--size", "3x4", "--steps", "2", *laws)
+    options = ("--size", "3x4", "--steps", "2", "--mesh-as-is", *laws)
     out = ("--no-render", "--out", str(tmp_path))
     assert cli.main(["run", "strip", *options, *out]) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())

@@ -432,7 +432,7 @@ PLIES = {
         lambda s: Ply(split(s.mesh).refined(), s.fabric, Macro()), "split"
     ),
     "quadratic triangles of what was split": Case(
-        lambda s: Ply(split(s.mesh), s.fabric, Quadratic()), "split"
+        lambda s: Ply(split(s.mesh).refined(), s.fabric, Quadratic()), "split"
     ),
 }
 

@@ -65,6 +65,7 @@ _KEYS = (
     Key("mesh.density", "density", _NO_LENGTH),
     Key("mesh.jitter", "", f"{_NO_STIFFNESS}|1|2"),
     Key("mesh.seed", "", f"{_NO_STIFFNESS}|1.5"),
+    Key("mesh.as_is", "", "yes|1"),
     Key("formulation.name", "formulation", _NO_NAME),
     Key("formulation.cs_N_per_mm", "", _NO_STIFFNESS),
     Key("formulation.stabilisation", "", _NO_NAME),
@@ -273,20 +274,21 @@ def kind_of_mesh(scene, values):
     return values.get("mesh.source", GRADED if is_graded else "irregular")
 
 
-def formulation(scene, values):
+def formulation(values):
     """The name of the formulation of a line."""
-    is_graded = kind_of_mesh(scene, values) == GRADED
-    return values.get("formulation.name", "quadratic" if is_graded else "macro")
+    others = any(key.startswith("formulation.") for key in values)
+    return values.get("formulation.name", "macro" if others else "auto")
 
 
 def contradicts(scene, values):
     """True if sound words contradict one another."""
-    name, is_graded = formulation(scene, values), kind_of_mesh(scene, values) == GRADED
+    name, is_graded = formulation(values), kind_of_mesh(scene, values) == GRADED
     return (
         ("mesh.density" in values and not is_graded)
+        or (values.get("mesh.as_is", False) and is_graded)
         or (name != "one-point" and "formulation.stabilisation" in values)
         or (name in ("full", "quadratic") and "formulation.cs_N_per_mm" in values)
-        or (name in ("full", "one-point") and "formulation.deviation" in values)
+        or (name != "quadratic" and "formulation.deviation" in values)
     )
 
 
@@ -304,6 +306,7 @@ def sound_words(draw, scene):
         ("warn_only", one("[]", "['work']", "['stability', 'corners']")),
         ("solver", one(*SOLVERS)),
         ("force", one("right=0.5,0.2", "top=-0.3,0.1")),
+        ("as_is", one("true", "true", "false")),
     ]
     chosen = draw(st.lists(st.sampled_from(parts), max_size=4, unique=True))
     chosen.append(("steps", one("1", "2")))

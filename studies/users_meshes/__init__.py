@@ -1,0 +1,1 @@
+"""Load error on meshes of users, as they are and fitted to the singular fibres."""
