@@ -111,7 +111,7 @@ class Simulation:
         W, H, theta = test.width, test.height, test.inclination
         warp, weft = theta, np.pi - theta
         size = nx, max(round(nx * H / W), 2)
-        mesh = rectangle(W, H, size, "irregular", _JITTER, self.seed, warp, weft)
+        mesh = rectangle(W, H, size, "irregular", _JITTER, self.seed)
         return bias_extension(mesh, warp=warp, weft=weft, shear_angle=largest)
 
     def test(self, laws: Laws, test: ShearTest, largest: float) -> "SimulatedTest":

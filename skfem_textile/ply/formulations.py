@@ -503,7 +503,7 @@ class Quadratic(declared.Quadratic, Pointwise):
         return OF_QUADRATIC + _OF_UNRESOLVED_LAYER * _height_of_layer(mesh) + off
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
-        """Triangles unchanged, quadrilaterals cut; also those of a split mesh."""
+        """Triangles, unchanged or cut from quadrilaterals, before a split."""
         _refuse_changed_after_split(mesh)
         if getattr(mesh, "elem", None) is not ElementQuad1:
             return mesh

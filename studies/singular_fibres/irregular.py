@@ -158,7 +158,7 @@ class Curved:
 
     def rows(self) -> list[Row]:
         """Error of the load for each formulation, and without `along_edges`."""
-        coarse, reference = (self._reference(across) for across in FINE)
+        coarse, reference = (self.converged(across) for across in FINE)
         rows = []
         for finest in self.finest:
             mesh = self._mesh(DEFAULT, finest)
@@ -194,7 +194,8 @@ class Curved:
         )
         return irregular(self.outline, lines, size)
 
-    def _reference(self, across: int) -> float:
+    def converged(self, across: int) -> float:
+        """Load in N on a mesh refined twice at the singular fibres."""
         mesh: Any = self._mesh(across)
         for _ in range(2):
             beside = np.unique(mesh.f2t[:, mesh.boundaries[SINGULAR]])

@@ -9,13 +9,14 @@ from typing import Any
 
 from skfem import Mesh
 
-from skfem_textile import Macro, OnePoint, Quadratic, StepError
+from skfem_textile import Macro, OnePoint, StepError
 from skfem_textile.outlines import fitted
+from skfem_textile.ply.formulations import ON_FIBRES
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.interval import work_of
 
-from ..interval.cases import ON_NETS, Problem
+from ..interval.cases import Problem
 from ..singular_fibres.cases import WIDTH, Case, specimens
 from ..study import Row
 
@@ -23,8 +24,8 @@ from ..study import Row
 CHOOSING, JUDGING = 61, 20261130
 
 #: Formulations on the meshes as they are, and on fitted ones, the default first.
-AS_IT_IS: tuple[Formulation, ...] = Macro(), OnePoint(), ON_NETS, Quadratic(80.0)
-FITTED: tuple[Formulation, ...] = ON_NETS, Macro(), OnePoint()
+AS_IT_IS: tuple[Formulation, ...] = Macro(), OnePoint(), ON_FIBRES
+FITTED: tuple[Formulation, ...] = ON_FIBRES, Macro(), OnePoint()
 
 # Largest displacement of the nodes relative to their spacing, and load steps.
 _JITTER, _STEPS = 0.3, 4

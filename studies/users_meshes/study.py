@@ -5,9 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from skfem_textile.ply.formulations import DEFAULT, ON_FIBRES
+
 from ..common.tables import grouped, having, markdown_table, median
 from ..study import Part, Row, Study
 from .cases import CHOOSING, JUDGING, OnUsersMesh, on_users_meshes
+from .plates import OnFile, on_files
 
 
 def summary(rows: list[Row]) -> str:
@@ -43,17 +46,41 @@ def _line(rows: Sequence[Row]) -> list[object]:
     ]
 
 
+def of_files(rows: list[Row]) -> str:
+    """A line for each kind of plate."""
+    lines = []
+    for shape, of in grouped(
+        [{**row, "shape": row["case"].split()[1]} for row in rows], "shape"
+    ).items():
+        left = sum("left as it is" in row["note"] for row in of)
+        ran = [row for row in of if not row["refused"]]
+        errors = np.abs([row["error"] for row in ran])
+        known = [row for row in ran if row["half_width"] is not None]
+        lines.append(
+            [
+                *(shape, len(of), left),
+                f"{median(errors):.2%}",
+                f"{errors.max():.2%}",
+                f"{sum(map(is_inside, known))} of {len(known)}",
+                f"{median([row['half_width'] for row in known]):.2%}",
+            ]
+        )
+    head = ["plate", "runs", "left as they are", "median error", "largest", "inside"]
+    return markdown_table([*head, "half-width"], lines)
+
+
 def is_inside(row: Row) -> bool:
     """True if the converged load is in the interval."""
     relative = abs(row["error"]) / (1 + row["error"])
     return bool(relative <= row["half_width"])
 
 
-class UsersMeshes(Study[OnUsersMesh]):
-    """Specimens on irregular quadrilaterals and triangles."""
+class UsersMeshes(Study[OnUsersMesh | OnFile]):
+    """Specimens on irregular meshes, and plates on unstructured ones."""
 
     parts = (
         Part("judged.csv", {"judged.md": summary}, cases=("judged: *",)),
+        Part("files.csv", {"files.md": of_files}, cases=("file: *",)),
         Part("chosen.csv", cases=("chosen: *",)),
     )
     timed = True
@@ -61,18 +88,32 @@ class UsersMeshes(Study[OnUsersMesh]):
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         own = [row for row in rows if row["case"].startswith("judged: ")]
-        fitted = having(own, mesh="fitted")
-        default = having(fitted, formulation=fitted[0]["formulation"])
-        known = [row for row in default if row.get("half_width") is not None]
-        errors = np.abs([row["error"] for row in default if not row["refused"]])
+        runs = [row for row in having(own, mesh="fitted") if not row["refused"]]
+        runs = having(runs, formulation=ON_FIBRES.title)
+        known = [row for row in runs if row["half_width"] is not None]
+        errors = np.abs([row["error"] for row in runs])
+        before = having(own, mesh="as it is", formulation=DEFAULT.title)
+        seconds = {row["case"]: row["seconds"] for row in before}
+        ratios = [row["seconds"] / seconds[row["case"]] for row in runs]
+        plates = [row for row in rows if row["case"].startswith("file: ")]
+        on_files = [row for row in plates if not row["refused"]]
+        some = [row for row in on_files if row["half_width"] is not None]
+        middle, most, largest = median(errors), np.quantile(errors, 0.95), errors.max()
+        left = sum("left as it is" in row["note"] for row in plates)
         return {
-            "median": f"{median(errors):.2%}",
+            "errors": f"{middle:.2%}, {most:.2%}, {largest:.2%}",
             "inside": f"{sum(map(is_inside, known))} of {len(known)}",
+            "half_width": f"{median([row['half_width'] for row in known]):.2%}",
+            "time": f"{median(ratios):.2f}",
+            "largest_on_files": f"{max(abs(row['error']) for row in on_files):.2%}",
+            "inside_on_files": f"{sum(map(is_inside, some))} of {len(some)}",
+            "left": f"{left} of {len(plates)}",
         }
 
-    def cases(self, options: argparse.Namespace) -> Sequence[OnUsersMesh]:
+    def cases(self, options: argparse.Namespace) -> Sequence[OnUsersMesh | OnFile]:
         return [
             *on_users_meshes(JUDGING, "judged: "),
+            *on_files(JUDGING, "file: "),
             *on_users_meshes(CHOOSING, "chosen: "),
         ]
 

@@ -114,6 +114,12 @@ def test_value_and_tangent_are_the_exact_derivatives(law, ends, kinks, shares):
         assert abs(at_b - at_a - change) <= 1e-8 * size + 1e-14 * largest
 
 
+def test_the_domain_of_a_law_is_shifted_by_the_strain_before():
+    law = Pretensioned(Tabulated([-0.01, 0.0, 0.03], [-10.0, 0.0, 30.0]), 5.0)
+    assert law.strain_before == pytest.approx(0.005)
+    assert law.domain == pytest.approx((-0.015, 0.025))
+
+
 @every_law
 def test_a_law_is_evaluated_on_arrays_of_any_shape(law, ends, kinks):
     x = np.linspace(*ends, 24)

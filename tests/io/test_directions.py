@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from skfem import MeshTri
+from skfem import MeshQuad, MeshTri
 
 from skfem_textile import Fabric, LoadStepper, Ply
-from skfem_textile.fabric.directions import FibreDirections
+from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.io import read_directions, read_mesh, write_directions, write_draped
 from skfem_textile.scenes import bias_extension
 from tests.helpers import distorted
@@ -145,3 +145,16 @@ def test_tables_of_directions_may_have_semicolons_and_decimal_commas(tmp_path):
     (tmp_path / "a.csv").write_text("\n".join(rows))
     warp, weft = read_directions(tmp_path / "a.csv").angles_deg()
     assert (warp[0], weft[0]) == pytest.approx((22.5, 112.5))
+
+
+def test_a_boundary_of_many_nodes_is_written_once_in_a_deck(tmp_path):
+    """It continues on further lines."""
+    mesh = MeshQuad.init_tensor(np.arange(41.0), np.arange(3.0)).with_defaults()
+    directions = directions_of(mesh, Fabric(warp=(1, 0), weft=(0, 1)))
+    write_directions(tmp_path / "m.inp", mesh, directions)
+    lines = (tmp_path / "m.inp").read_text().splitlines()
+    first = lines.index("*NSET, NSET=bottom") + 1
+    last = next(i for i, x in enumerate(lines[first:], first) if x.startswith("*"))
+    numbers = [int(x) for line in lines[first:last] for x in line.split(",")]
+    expected = np.unique(mesh.facets[:, mesh.boundaries["bottom"]]) + 1
+    assert numbers == expected.tolist()

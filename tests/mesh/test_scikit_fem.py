@@ -21,6 +21,7 @@ from skfem import (
 from skfem.helpers import ddot, grad
 
 import skfem_textile
+from skfem_textile.mesh.bases import cross
 from skfem_textile.mesh.scikit_fem import (
     PRIVATE,
     COOData,
@@ -215,3 +216,8 @@ def test_no_other_module_uses_private_names_of_scikit_fem():
     assert {file.name for file in files if found.search(file.read_text())} == {
         "scikit_fem.py"
     }
+
+
+def test_cross_products_are_those_of_numpy():
+    a, b = np.random.default_rng(3).random((2, 3, 5))
+    np.testing.assert_allclose(cross(a, b), np.cross(a.T, b.T).T)
