@@ -47,9 +47,9 @@ _C_S_OF_FIBRES, _E_D_OF_FIBRES = 1e-4, 0.5
 _LEAST_GRIP = 0.01
 
 # Ratio of shear to fibre stiffness at which their weight has decreased to 1/e.  It is a
-# guard against a singular tangent, far below the 1e-8 of the stiffest cases of the
-# studies, so that none of them is affected.
-_NO_SHEAR = 1e-11
+# guard against a singular tangent: E_d, some hundred times the shear stiffness, is then
+# a few thousand times the rounding of the fibre stiffness.
+_NO_SHEAR = 1e-14
 
 # Lower bound of the shear stiffness of a softening law, relative to its value at rest.
 _LEAST_OF_REST = 0.1

@@ -17,6 +17,9 @@ size of its differences δ between neighbours.  For a proportional law the numer
 stiffness is calibrated to it.  The further change of the work of another law is of the
 size of ``∫ |M′Γ − M| δ dΩ``: see `_work_of_jumps`.
 
+The forces that remain out of balance, mainly by the rounding of stiff fibres, add their
+work.
+
 The derivative needs no second equilibrium: the numerical stiffness is linear in k, so
 that its nodal forces are the derivative of the residual.  A formulation without
 numerical stiffness is compared with one of the same unknowns that has it.  So is one
@@ -259,11 +262,15 @@ def work_of(problem: Problem, state: State) -> float:
     """Work of reactions and loads at a state in N·mm; 0 if nothing carries a load."""
     u, p, rate = state.u, state.parameters, _rate(problem)
     work = _work(problem, problem.residual(u, p), u, p, rate)
-    length = np.abs(u).sum() + np.abs(rate).sum()
-    least = state.tolerance * length
+    least = state.tolerance * _length(u, rate)
     if problem.surfaces:
         least = max(least, _OF_A_LOAD * abs(sum(state.energies.values())))
     return float(work.sum()) if np.abs(work).sum() > least else 0.0
+
+
+def _length(u: ndarray, rate: ndarray) -> float:
+    """Work in N·mm of unbalanced forces of 1 N at all unknowns, of random signs."""
+    return float(np.linalg.norm(u) + np.linalg.norm(rate))
 
 
 def _work(
@@ -392,6 +399,7 @@ def _interval(
     groups = _groups(ply.formulation, other.ply)
     changes = _Changes.of(other, tangent, there, groups)
     load = abs(work - work_of(other, there)) + changes.work
+    load += max(state.residuals[-1:], default=0.0) * _length(state.u, _rate(problem))
     reactions = {
         name: np.abs(state.reactions[name] - there.reactions[name]) + half
         for name, half in changes.reactions.items()
