@@ -489,7 +489,7 @@ def rate(cloth, x, C_s, converged):
 
 def share_without_shear(G, E):
     """1 without shear stiffness, 0 if it exceeds about 10⁻¹⁰ E."""
-    return np.exp(-G / (1e-11 * E)) if E > 0 else 0.0
+    return np.exp(-G / (1e-14 * E)) if E > 0 else 0.0
 
 
 class StateOfGroup(NamedTuple):

@@ -17,8 +17,9 @@ from skfem_textile import (
     PlainNewton,
     Ply,
     StepError,
+    fitted,
 )
-from skfem_textile.scenes import strip
+from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve import search
 from skfem_textile.solve.linear import SOLVERS, superlu
@@ -61,6 +62,23 @@ def test_round_off_is_no_mechanism(G, cause):
     ends = {"clamp": Condition("bottom"), "shear": Condition("top", (5.0, None))}
     with pytest.raises(StepError, match=f"singular tangent.*: {cause}"):
         LoadStepper(ply, ends, 1, max_halvings=0).run()
+
+
+@pytest.mark.parametrize("fits", [False, True])
+def test_stiffness_ratios_up_to_1e12_have_the_same_load_in_as_many_solves(fits):
+    """They have an interval; beyond, round-off is named."""
+    scene = bias_extension(size=(6, 12), warp=np.radians(50), weft=np.radians(130))
+    loads, solves = {}, {}
+    for ratio in (1e8, 1e10, 1e12):
+        plain = Fabric(0.5 * ratio, 0.5, scene.warp, scene.weft)
+        fit = fitted(scene.mesh, plain, scene.conditions)
+        ply = Ply(fit.mesh, plain, fit.formulation) if fits else Ply(scene.mesh, plain)
+        result = LoadStepper(ply, scene.conditions, 1).run()
+        loads[ratio] = result.states[-1].reactions["top"][1]
+        solves[ratio] = result.linear_solves
+        assert result.error.load < 0.2
+    assert list(loads.values()) == pytest.approx([loads[1e8]] * 3, rel=2e-3)
+    assert max(solves.values()) <= min(solves.values()) + 3
 
 
 def test_a_ply_with_every_node_prescribed_has_no_unknowns():

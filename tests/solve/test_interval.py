@@ -74,7 +74,7 @@ def test_a_state_that_the_elements_represent_has_no_error(formulation, kind):
     scene = picture_frame(kind, (4, 4), shear_angle=0.6)
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
     error = run_of(Ply(scene.mesh, fabric, formulation), scene.conditions, 2).error
-    assert error.load < 1e-10
+    assert error.load < 1e-7  # the work of forces that remain out of balance
     assert error.shear_angle < 1e-10
     assert max(np.abs(half).max() for half in error.reactions.values()) < 1e-8
     assert error.reason == ""
