@@ -13,16 +13,16 @@ from skfem_textile.cases import case_from_tables
 from skfem_textile.drape import TriangleMesh
 from skfem_textile.io import read_surface
 from skfem_textile.scenes import double_dome_forming, forming, hemisphere_forming
-from tests.contact import test_tools
-from tests.contact.conftest import bowl
-from tests.contact.test_scenes import SMALL, case, run
-from tests.contact.test_tool_tables import (
+from tests.cases.test_tools import (
     DIE,
     HOLDER,
     PUNCH,
     graph_file,
     tables,
 )
+from tests.contact import test_tools
+from tests.contact.conftest import bowl
+from tests.contact.test_scenes import SMALL, case, run
 from tests.contact.test_tools import GAP, SYMMETRY, punch, ring
 from tests.helpers import graph
 
