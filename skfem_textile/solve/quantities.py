@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 # Values below which strains, angles and lengths are shown as round-off.
 _ROUND_OFF = {"%": 1e-3, "°": 1e-3, "mm": 1e-6}
 
-# Relative rounding of values with four digits: intervals are not narrower.
-_ROUNDED = 1e-3
+#: Relative rounding of values with four digits: printed intervals are not narrower.
+ROUNDED = 1e-3
 
 # Maximum number of rows.  With the names of the files they are 15 lines.
 _MOST = 14
@@ -76,7 +76,7 @@ class Quantity(NamedTuple):
             return "", " within the tolerance of the equilibrium"
         half = summary.get(f"{self.key}_half_width")
         if half is not None:
-            return f" ± {_rounded(max(half, _ROUNDED * abs(value)), 2)}", ""
+            return f" ± {_rounded(max(half, ROUNDED * abs(value)), 2)}", ""
         reason = str(summary.get("error_interval")).partition("none")[2]
         return "", f"; no error interval{reason}"
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skfem_textile.ply.formulations import DEFAULT, ON_FIBRES
+from skfem_textile.solve.quantities import ROUNDED
 
 from ..common.tables import grouped, having, markdown_table, median
 from ..study import Part, Row, Study
@@ -70,9 +71,9 @@ def of_files(rows: list[Row]) -> str:
 
 
 def is_inside(row: Row) -> bool:
-    """True if the converged load is in the interval."""
+    """True if the converged load is in the interval, as it is printed."""
     relative = abs(row["error"]) / (1 + row["error"])
-    return bool(relative <= row["half_width"])
+    return bool(relative <= max(row["half_width"], ROUNDED))
 
 
 class UsersMeshes(Study[OnUsersMesh | OnFile]):
