@@ -172,8 +172,8 @@ def table_of_hole(folder: Path, printed: str) -> dict[str, float]:
 ALONG = tuple(product(("quadratic", "full", "macro"), ("1e5", "5e9")))
 
 _ALONG = (
-    "skfem-textile run bias_extension --mesh aligned --mesh-as-is --size 8x16 --steps 4 "
-    "--formulation NAME --fibre-stiffness E --out DIR"
+    "skfem-textile run bias_extension --mesh aligned --mesh-as-is --size 8x16 "
+    "--steps 4 --formulation NAME --fibre-stiffness E --out DIR"
 )
 
 #: Options of the tabulated scenes on tools.

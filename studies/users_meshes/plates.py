@@ -186,7 +186,9 @@ def _plate(shape: str, random: Any) -> Plate:
             other = _straight(degrees + random.uniform(-4, 4))
             fabrics = {"patch": Fabric(E, 2 * G, *other)}
         case "arcs":
-            far, low = random.uniform(130, 200), random.uniform(40, 70)
+            # No fibre connects the clamps.
+            low, more_far = random.uniform(60, 120), random.uniform(20, 45)
+            far = low + more_far
             rays = _rays(-far, -low), _arcs(-far, -low)
             fabric = Fabric(E, law, *rays)
         case "steered":
