@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -37,11 +38,11 @@ def _line(rows: Sequence[Row]) -> list[object]:
     runs = f"{len(ran)} of {len(rows)}" if len(ran) < len(rows) else len(rows)
     return [
         runs,
-        f"{median(errors):.2%}",
-        f"{np.quantile(errors, 0.95):.2%}",
-        f"{errors.max():.2%}",
+        share(median(errors)),
+        share(np.quantile(errors, 0.95)),
+        share(errors.max()),
         f"{sum(map(is_inside, known))} of {len(known)}",
-        f"{median([row['half_width'] for row in known]):.2%}",
+        share(median([row["half_width"] for row in known])),
         round(median([row["unknowns"] for row in ran])),
         f"{median([row['seconds'] for row in ran]):.2f}",
     ]
@@ -60,20 +61,25 @@ def of_files(rows: list[Row]) -> str:
         lines.append(
             [
                 *(shape, len(of), left),
-                f"{median(errors):.2%}",
-                f"{errors.max():.2%}",
+                share(median(errors)),
+                share(errors.max()),
                 f"{sum(map(is_inside, known))} of {len(known)}",
-                f"{median([row['half_width'] for row in known]):.2%}",
+                share(median([row["half_width"] for row in known])),
             ]
         )
     head = ["plate", "runs", "left as they are", "median error", "largest", "inside"]
     return markdown_table([*head, "half-width"], lines)
 
 
-def is_inside(row: Row) -> bool:
-    """True if the converged load is in the interval, as it is printed."""
+def is_inside(row: Row, least: float = ROUNDED) -> bool:
+    """True if the converged load is in the interval; by default as it is printed."""
     relative = abs(row["error"]) / (1 + row["error"])
-    return bool(relative <= max(row["half_width"], ROUNDED))
+    return bool(relative <= max(row["half_width"], least))
+
+
+def share(x: Any) -> str:
+    """A share in percent."""
+    return f"{100 * x:.2f} %"
 
 
 class UsersMeshes(Study[OnUsersMesh | OnFile]):
@@ -102,11 +108,12 @@ class UsersMeshes(Study[OnUsersMesh | OnFile]):
         middle, most, largest = median(errors), np.quantile(errors, 0.95), errors.max()
         left = sum("left as it is" in row["note"] for row in plates)
         return {
-            "errors": f"{middle:.2%}, {most:.2%}, {largest:.2%}",
+            "errors": ", ".join(map(share, (middle, most, largest))),
             "inside": f"{sum(map(is_inside, known))} of {len(known)}",
-            "half_width": f"{median([row['half_width'] for row in known]):.2%}",
+            "inside_exactly": f"{sum(is_inside(r, 0.0) for r in known)} of {len(known)}",
+            "half_width": share(median([row["half_width"] for row in known])),
             "time": f"{median(ratios):.2f}",
-            "largest_on_files": f"{max(abs(row['error']) for row in on_files):.2%}",
+            "largest_on_files": share(max(abs(row["error"]) for row in on_files)),
             "inside_on_files": f"{sum(map(is_inside, some))} of {len(some)}",
             "left": f"{left} of {len(plates)}",
         }
