@@ -20,8 +20,8 @@ from ..interval.cases import Problem
 from ..singular_fibres.cases import WIDTH, Case, specimens
 from ..study import Row
 
-#: Seeds of the specimens that choose constants, and of those that judge them.
-CHOOSING, JUDGING = 61, 20261130
+#: Seed of specimens and plates, which have chosen no constant.
+JUDGING = 20261130
 
 #: Formulations on the meshes as they are, and on fitted ones, the default first.
 AS_IT_IS: tuple[Formulation, ...] = Macro(), OnePoint(), ON_FIBRES

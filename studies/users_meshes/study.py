@@ -11,7 +11,7 @@ from skfem_textile.solve.quantities import ROUNDED
 
 from ..common.tables import grouped, having, markdown_table, median
 from ..study import Part, Row, Study
-from .cases import CHOOSING, JUDGING, OnUsersMesh, on_users_meshes
+from .cases import JUDGING, OnUsersMesh, on_users_meshes
 from .plates import OnFile, on_files
 
 
@@ -88,7 +88,6 @@ class UsersMeshes(Study[OnUsersMesh | OnFile]):
     parts = (
         Part("judged.csv", {"judged.md": summary}, cases=("judged: *",)),
         Part("files.csv", {"files.md": of_files}, cases=("file: *",)),
-        Part("chosen.csv", cases=("chosen: *",)),
     )
     timed = True
     sample = "judged: specimen 1, irregular, 16 across, 1"
@@ -107,10 +106,11 @@ class UsersMeshes(Study[OnUsersMesh | OnFile]):
         some = [row for row in on_files if row["half_width"] is not None]
         middle, most, largest = median(errors), np.quantile(errors, 0.95), errors.max()
         left = sum("left as it is" in row["note"] for row in plates)
+        exactly = sum(is_inside(row, 0.0) for row in known)
         return {
             "errors": ", ".join(map(share, (middle, most, largest))),
             "inside": f"{sum(map(is_inside, known))} of {len(known)}",
-            "inside_exactly": f"{sum(is_inside(r, 0.0) for r in known)} of {len(known)}",
+            "inside_exactly": f"{exactly} of {len(known)}",
             "half_width": share(median([row["half_width"] for row in known])),
             "time": f"{median(ratios):.2f}",
             "largest_on_files": share(max(abs(row["error"]) for row in on_files)),
@@ -122,7 +122,6 @@ class UsersMeshes(Study[OnUsersMesh | OnFile]):
         return [
             *on_users_meshes(JUDGING, "judged: "),
             *on_files(JUDGING, "file: "),
-            *on_users_meshes(CHOOSING, "chosen: "),
         ]
 
 
