@@ -60,6 +60,10 @@ _MOST_STEPS = 1_000_000
 # for the steps.
 _MOST_HALVINGS = 30
 
+# Change of the shear angle in radians, in a step in which loads drive the ply, above
+# which the step may have passed a limit load: fabrics reach 1.2 in all their steps.
+_JUMP = 1.0
+
 
 class LoadStepper:
     """Load a ply incrementally, with adaptive step lengths.
@@ -463,6 +467,8 @@ class Run:
         state = found.trial.state(problem.clock.solves - before)
         settled = found.converged and not self._depends_on_steps(state)
         projected = found.projected
+        if driven and self._jumps(state):
+            projected = MOST_PROJECTED + 1
         if problem.contacts:  # more steps do not resolve a path
             settled, projected = settled and not projected, 0
         if self.continuation.accepts(step, state, projected, settled):
@@ -472,6 +478,12 @@ class Run:
                 "the step to load factor %g was difficult and is repeated as two steps",
                 t,
             )
+
+    def _jumps(self, state: State) -> bool:
+        """True if the shear angle changes so much that a step may pass a limit load."""
+        ply = self.problem.ply
+        change = ply.shear_angle(state.u) - ply.shear_angle(self.states[-1].u)
+        return bool(np.abs(change).max() > _JUMP)
 
     def _depends_on_steps(self, state: State) -> bool:
         """True if energies depend on the number of steps, however short these are."""
