@@ -226,9 +226,8 @@ def directions_of(mesh: Mesh, fabric: Fabric) -> FibreDirections:
     return FibreDirections(warp, weft)
 
 
-# Angle in radians within which a smooth field follows directions per element, and the
-# largest degree of its polynomials.  An error of this angle of the fibres changes the
-# load of a bias extension by about 0.2 %.
+# Angle in radians within which a smooth field follows directions per element: a tenth of
+# a degree, the last digit of most tables; and the largest degree of its polynomials.
 _FOLLOWS, _HIGHEST_DEGREE = 2e-3, 10
 
 
