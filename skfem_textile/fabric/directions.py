@@ -226,8 +226,8 @@ def directions_of(mesh: Mesh, fabric: Fabric) -> FibreDirections:
     return FibreDirections(warp, weft)
 
 
-# Angle in radians within which a smooth field follows directions per element: a tenth of
-# a degree, the last digit of most tables; and the largest degree of its polynomials.
+# Angle in radians within which a smooth field follows directions per element: a tenth
+# of a degree, the last digit of most tables; and the largest degree of its polynomials.
 _FOLLOWS, _HIGHEST_DEGREE = 2e-3, 10
 
 
