@@ -7,7 +7,7 @@ strip of macro-elements, and of a hemisphere formed between a punch and a die.
 
 ``option``: functions of which an argument has the locking angle of a shear law, as the
 word that was typed, in a table of the case, or in radians, from the command line until
-the ply is built.
+the ply is built on a mesh that stays as it is.
 
 Each function of the package counts once; lambdas, comprehensions and files in which
 nothing else is entered do not count.  ``-v`` lists the functions, of an option in the
@@ -73,6 +73,7 @@ def of_an_option():
     """Functions that an option of a law goes through."""
     law = ["--shear-law", "locking", "--set", f"shear.locking_angle_deg={ANGLE}"]
     command = ["run", "bias_extension", "--size", "2x4", "--steps", "1", *law]
+    command.append("--mesh-as-is")
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as quiet:
         quiet.enter_context(contextlib.redirect_stdout(io.StringIO()))
         quiet.enter_context(contextlib.redirect_stderr(io.StringIO()))
