@@ -16,7 +16,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 
 from ..fabric import Fabric, is_zero
 from ..fabric.directions import with_smooth_fields
-from ..mesh.checks import check_mesh
+from ..mesh.checks import MeshError, check_mesh
 from ..mesh.graph import boundary_edges, edges_of
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import (
@@ -496,7 +496,13 @@ class _Fit:
         """The mesh, with names."""
         kind = MeshTri if len(self.t) == 3 else MeshQuad
         fitted = kind(np.ascontiguousarray(self.p), np.ascontiguousarray(self.t))
-        check_mesh(fitted)
+        try:
+            check_mesh(fitted)
+        except MeshError:
+            raise MeshError(
+                "elements along the singular fibres would be inverted or degenerate: "
+                "use smaller elements, or mesh_outline"
+            ) from None
         boundaries = {
             name: edge_numbers(fitted.facets, ends)
             for name, ends in self._names.items()
@@ -543,9 +549,9 @@ class _Fit:
         along[along] = shapely.distance(fibre, middle) < _SHARE * length
         edges = shapely.linestrings(fitted.p[:, ends[:, along]].transpose(2, 1, 0))
         missed = fibre.length - shapely.length(edges).sum()
-        if missed > _MISSED * fibre.length:
-            rest = fibre - shapely.buffer(shapely.union_all(edges), 10 * self._near)
-            part = max(shapely.get_parts(rest), key=shapely.length, default=fibre)
+        rest = fibre - shapely.buffer(shapely.union_all(edges), 10 * self._near)
+        if missed > _MISSED * fibre.length and not rest.is_empty:
+            part = max(shapely.get_parts(rest), key=shapely.length)
             where = coords(np.array(part.coords[0]))
             log.warning(
                 "%.3g mm of a singular fibre of %.3g mm have no edges, near %s; "
