@@ -346,8 +346,10 @@ class MovedMesh(Changed, MeshQuad):
     """Quadrilaterals of another mesh, whose nodes have moved."""
 
 
-def changed(mesh: Mesh, original: Mesh, parent: ndarray) -> Any:
-    """A mesh that knows of which mesh it was made; names are kept."""
+def changed(mesh: Mesh, original: Any, parent: ndarray) -> Any:
+    """A mesh with the mesh of which it was made, the first one; names are kept."""
+    if was_changed(original):
+        original, parent = original.original, original.parent[parent]
     kind: Any = CutMesh if isinstance(mesh, MeshTri) else MovedMesh
     of = {
         "original": original,
@@ -401,10 +403,7 @@ def cut(mesh: MeshQuad) -> CutMesh:
         return _cut_originals(mesh)
     triangles = replace(mesh, t=_with_diagonal(mesh)).to_meshtri()
     triangles = with_named_nodes(triangles, named_nodes(mesh))
-    parent = np.tile(np.arange(mesh.nelements), 2)
-    if was_changed(mesh):
-        return changed(triangles, mesh.original, mesh.parent[parent])
-    return changed(triangles, mesh, parent)
+    return changed(triangles, mesh, np.tile(np.arange(mesh.nelements), 2))
 
 
 def _cut_originals(mesh: SplitMesh) -> CutMesh:

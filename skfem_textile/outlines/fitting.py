@@ -30,7 +30,6 @@ from ..mesh.splitting import (
     corner_areas,
     cut,
     original_elements,
-    was_changed,
     was_split,
 )
 from ..mesh.user_input import coords
@@ -139,45 +138,38 @@ def fitted(
     True
     """
     check_mesh(mesh)
+    on: Any = mesh
     if SINGULAR in (mesh.boundaries or {}):
         note = "the mesh has edges on singular fibres already"
-        return Fitted(mesh, _along(mesh, fabric), ON_FIBRES, note)
+        return Fitted(mesh, _each(fabric, partial(along_edges, on)), ON_FIBRES, note)
     try:
         smooth = _each(fabric, partial(with_smooth_fields, mesh))
         fit = fit_to_fibres(mesh, smooth, conditions, loads)
+        on = fit.mesh
+        if SINGULAR not in (on.boundaries or {}):
+            return Fitted(mesh, fabric, SMOOTH, "no fibre is singular within the mesh")
+        fabrics = fabric.values() if isinstance(fabric, Mapping) else [fabric]
+        if any(is_zero(one.shear_law) for one in fabrics):
+            raise ValueError(
+                "without shear stiffness nothing resists a jump of the shear angle at "
+                "singular fibres"
+            )
     except ValueError as error:
-        note = f"the mesh is left as it is: {error}"
-        return Fitted(mesh, fabric, DEFAULT, note)
-    if SINGULAR not in (fit.mesh.boundaries or {}):
-        note = "no fibre is singular within the mesh"
-        return Fitted(mesh, fabric, SMOOTH, note)
-    fabrics = fabric.values() if isinstance(fabric, Mapping) else [fabric]
-    if all(is_zero(one.shear_law) for one in fabrics):
-        note = (
-            "the mesh is left as it is: without shear stiffness nothing resists a jump "
-            "of the shear angle at singular fibres"
-        )
-        return Fitted(mesh, fabric, DEFAULT, note)
-    return Fitted(fit.mesh, _along(fit.mesh, smooth), ON_FIBRES, _changes(mesh, fit))
+        return Fitted(mesh, fabric, DEFAULT, f"the mesh is left as it is: {error}")
+    along = _each(smooth, partial(along_edges, on))
+    return Fitted(on, along, ON_FIBRES, _changes(mesh, fit))
 
 
 def _changes(mesh: Mesh, fit: FittedMesh) -> str:
     """Numbers of nodes that a fit has moved, and of elements that it has cut."""
     cells, _ = original_elements(mesh)
-    sides = np.concatenate([np.full(cell.shape[1], len(cell)) for cell in cells])
     n = 1 + max(int(cell.max()) for cell in cells)
     moved = int((fit.mesh.p[:, :n] != mesh.p[:, :n]).any(axis=0).sum())
-    whole = np.where((sides == 4) & (len(fit.mesh.t) == 3), 2, 1)
-    cut = int((np.bincount(fit.parent, minlength=len(sides)) > whole).sum())
-    return (
-        f"{moved} nodes moved and {cut} of {len(sides)} elements cut along "
-        "singular fibres"
-    )
-
-
-def _along(mesh: Any, fabric: Fabric | Mapping[str, Fabric]) -> Any:
-    """Fabric along the edges of a mesh, see `along_edges`."""
-    return _each(fabric, partial(along_edges, mesh))
+    k = len(fit.mesh.t)  # a quadrilateral that is not cut is two triangles
+    whole = np.concatenate([np.full(c.shape[1], 1 + len(c) - k) for c in cells])
+    cut = int((np.bincount(fit.parent, minlength=len(whole)) > whole).sum())
+    of = f"{cut} of {len(whole)} elements cut along singular fibres"
+    return f"{moved} nodes moved and {of}"
 
 
 def _each(fabric: Any, change: Callable[[Fabric], Fabric]) -> Any:
@@ -521,10 +513,8 @@ class _Fit:
         if len(self.t) == 3 and len(self.parent) > mesh.nelements:
             self._report_smallest_angle()
         fitted = with_named_nodes(fitted, named_nodes(mesh))
-        original, parent = mesh, self.parent
-        if was_changed(mesh):
-            original, parent = mesh.original, mesh.parent[parent]
-        return FittedMesh(changed(fitted, original, parent), parent)
+        made = changed(fitted, mesh, self.parent)
+        return FittedMesh(made, made.parent)
 
     def _report_smallest_angle(self) -> None:
         """Log the smallest angle if it is very small."""

@@ -39,8 +39,8 @@ DEFAULT, FINE = 16, (16, 22)
 #: Formulations in the order of the table.
 FORMULATIONS = Quadratic(400.0, points=6), Macro(), Quadratic()
 
-# Height of the plies in mm.
-_HEIGHT = 115.0
+#: Height of the plies in mm.
+HEIGHT = 115.0
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,8 @@ class Curved:
                 )
         return rows
 
-    def _conditions(self) -> dict[str, Condition]:
+    def conditions(self) -> dict[str, Condition]:
+        """Clamps at the bottom and at the top."""
         x, y = self.along
         pull = self.travel * x, self.travel * y
         return {"bottom": Condition("bottom"), "top": Condition("top", pull)}
@@ -188,7 +189,7 @@ class Curved:
     def _mesh(self, across: int, finest: float = FINEST) -> Mesh:
         size = float(np.sqrt(self.outline.shape().area)) / across
         lines = singular_fibres(
-            *(self.outline, self.fabric, self._conditions()),
+            *(self.outline, self.fabric, self.conditions()),
             fabrics=self.fabrics,
             finest=finest * size,
         )
@@ -209,18 +210,18 @@ class Curved:
             fabrics = {name: along_edges(mesh, of) for name, of in fabrics.items()}
         used = {name: fabrics[name] for name in mesh.subdomains or {}}
         ply = Ply(mesh, used or fabrics["rest"], formulation)
-        state = LoadStepper(ply, self._conditions(), steps=1).run().states[-1]
+        state = LoadStepper(ply, self.conditions(), steps=1).run().states[-1]
         return float(state.reactions["top"][:2] @ self.along), int(ply.basis.N)
 
 
-def _straight(degrees: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def straight(degrees: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Warp and weft at ± an angle to the clamps."""
     c, s = float(np.cos(np.radians(degrees))), float(np.sin(np.radians(degrees)))
     return (c, s), (-c, s)
 
 
 def _fabric(degrees: float, E: float, shear: float) -> Fabric:
-    return Fabric(E, shear, *_straight(degrees))
+    return Fabric(E, shear, *straight(degrees))
 
 
 def _spirals(degrees: float) -> tuple[Any, Any]:
@@ -236,7 +237,7 @@ def _spirals(degrees: float) -> tuple[Any, Any]:
     return family(1), family(-1)
 
 
-def _arcs(x0: float, y0: float) -> tuple[Any, Any]:
+def arcs(x0: float, y0: float) -> tuple[Any, Any]:
     """Rays from a point, and arcs about it."""
     return (
         lambda x: np.stack([x[0] - x0, x[1] - y0]),
@@ -244,11 +245,11 @@ def _arcs(x0: float, y0: float) -> tuple[Any, Any]:
     )
 
 
-def _steered(low: float, high: float) -> Any:
+def steered(low: float, high: float) -> Any:
     """An angle in degrees that increases from the bottom to the top."""
 
     def direction(x: ndarray) -> ndarray:
-        angle = np.radians(low + (high - low) * x[1] / _HEIGHT)
+        angle = np.radians(low + (high - low) * x[1] / HEIGHT)
         return np.stack([np.cos(angle), np.sin(angle)])
 
     return direction
@@ -278,7 +279,7 @@ def _sector(
 
 
 def _rectangle(*holes: Any, **more: Any) -> Outline:
-    return Outline(np.transpose(box(_HEIGHT)), [np.transpose(h) for h in holes], **more)
+    return Outline(np.transpose(box(HEIGHT)), [np.transpose(h) for h in holes], **more)
 
 
 def _part(x0: float, x1: float, y0: float, y1: float) -> list[list[float]]:
@@ -296,14 +297,14 @@ def curved() -> Iterator[Curved]:
     fabric = Fabric(E, G, *_spirals(48))
     yield Curved("curved: spirals, hole", sector, fabric, 7.0, {}, along)
     notch = (WIDTH, 50.0), (WIDTH - 8, 55.0), (WIDTH, 60.0)
-    sides = (*box(_HEIGHT)[:2], *notch, *box(_HEIGHT)[2:])
-    fabric = Fabric(5e4, sin2, *_arcs(160, -50))
+    sides = (*box(HEIGHT)[:2], *notch, *box(HEIGHT)[2:])
+    fabric = Fabric(5e4, sin2, *arcs(160, -50))
     outline = Outline(np.transpose(sides))
     yield Curved("curved: arcs and rays, notch", outline, fabric, 9.0)
-    fabric = Fabric(E, G, _steered(38, 54), _straight(133)[0])
+    fabric = Fabric(E, G, steered(38, 54), straight(133)[0])
     outline = _rectangle(circle(22, 55, 10))
     yield Curved("curved: steered warp, hole", outline, fabric, 9.0)
-    fabric = Fabric(E, G, _parabolas(45, 0.012), _straight(132)[0])
+    fabric = Fabric(E, G, _parabolas(45, 0.012), straight(132)[0])
     square = (18.0, 48.0), (32.0, 48.0), (32.0, 62.0), (18.0, 62.0)
     yield Curved("curved: parabolas, square hole", _rectangle(square), fabric, 9.0)
     outline = _rectangle(regions={"patch": _part(14, 36, 40, 74)})
@@ -313,13 +314,13 @@ def curved() -> Iterator[Curved]:
         ("turned patch", _fabric(62, E, G), 8.0),
     ):
         yield Curved(f"fabrics: {name}", outline, base, travel, {"patch": patch})
-    outline = _rectangle(regions={"upper": _part(0, WIDTH, 60, _HEIGHT)})
+    outline = _rectangle(regions={"upper": _part(0, WIDTH, 60, HEIGHT)})
     upper = {"upper": _fabric(50, 3e5, 1.0)}
     yield Curved("fabrics: two halves", outline, _fabric(43, E, G), 9.0, upper)
-    outline = _rectangle(regions={"right": _part(25, WIDTH, 0, _HEIGHT)})
+    outline = _rectangle(regions={"right": _part(25, WIDTH, 0, HEIGHT)})
     right = {"right": _fabric(52, E, 1.0)}
     yield Curved("fabrics: side by side", outline, base, 8.0, right)
-    regions = {"right": _part(30, WIDTH, 0, _HEIGHT)}
+    regions = {"right": _part(30, WIDTH, 0, HEIGHT)}
     outline = _rectangle(circle(18, 55, 8), regions=regions)
     right = {"right": _fabric(45, E, 2.0)}
     yield Curved("fabrics: hole beside the border", outline, base, 8.0, right)
@@ -332,9 +333,9 @@ def chosen_finest() -> Iterator[Curved]:
     patch = {"patch": _fabric(45, 1e5, 1.5)}
     base = _fabric(44, 2e5, G)
     yield Curved("finest: patch", outline, base, 7.0, patch, finest=finest)
-    outline = _rectangle(regions={"right": _part(20, WIDTH, 0, _HEIGHT)})
+    outline = _rectangle(regions={"right": _part(20, WIDTH, 0, HEIGHT)})
     right = {"right": _fabric(50, 1e5, 1.5)}
     yield Curved("finest: side by side", outline, base, 7.0, right, finest=finest)
     outline = _rectangle(circle(30, 60, 8))
-    fabric = Fabric(1e5, G, *_arcs(-120, -60))
+    fabric = Fabric(1e5, G, *arcs(-120, -60))
     yield Curved("finest: arcs and rays, hole", outline, fabric, 7.0, finest=finest)

@@ -1,4 +1,4 @@
-"""Specimens on meshes that do not know of their singular fibres."""
+"""Specimens on meshes without edges on the singular fibres."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from ..interval.cases import Problem
 from ..singular_fibres.cases import WIDTH, Case, specimens
 from ..study import Row
 
-#: Seed of specimens and plates, which have chosen no constant.
+#: Seed of specimens and plates, with which no constant was chosen.
 JUDGING = 20261130
 
 #: Formulations on the meshes as they are, and on fitted ones, the default first.

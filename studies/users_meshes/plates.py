@@ -1,14 +1,13 @@
 """Plates with holes, regions and curved fibres on unstructured meshes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy import ndarray
 from skfem import Mesh, MeshQuad
 
-from skfem_textile import Condition, Fabric, LoadStepper, Ply, StepError, split
+from skfem_textile import Fabric, LoadStepper, Ply, StepError, split
 from skfem_textile.fabric.directions import directions_of
 from skfem_textile.mesh.scikit_fem import with_names
 from skfem_textile.mesh.splitting import corner_areas, split_cells
@@ -17,12 +16,16 @@ from skfem_textile.outlines.meshing import irregular
 from skfem_textile.solve.interval import work_of
 
 from ..singular_fibres.cases import LAWS, WIDTH, G, box, circle
-from ..singular_fibres.irregular import Curved
+from ..singular_fibres.irregular import (
+    DEFAULT,
+    FINE,
+    HEIGHT,
+    Curved,
+    arcs,
+    steered,
+    straight,
+)
 from ..study import Row
-
-# Height of the plates in mm, and elements across √area: of the meshes, and of the two
-# meshes that give the converged load.
-_HEIGHT, _ACROSS, _FINE = 115.0, 16, (16, 22)
 
 # Least area at a corner of a quadrilateral of two triangles, relative to the largest.
 _CONVEX = 0.3
@@ -30,22 +33,6 @@ _CONVEX = 0.3
 #: Kinds of plates and meshes.
 SHAPES = "plain", "hole", "notch", "patch", "arcs", "steered"
 KINDS = "triangles", "quadrilaterals", "both"
-
-
-class Plate(NamedTuple):
-    """A plate, its fabrics, and the displacement of its top in mm."""
-
-    outline: Outline
-    fabric: Fabric
-    fabrics: Mapping[str, Fabric]
-    travel: float
-
-    def conditions(self) -> dict[str, Condition]:
-        """Clamps at the bottom and at the top."""
-        return {
-            "bottom": Condition("bottom"),
-            "top": Condition("top", (0.0, self.travel)),
-        }
 
 
 @dataclass(frozen=True)
@@ -65,7 +52,7 @@ class OnFile:
     """
 
     case: str
-    plate: Plate
+    plate: Curved
     kind: str
     seed: int
 
@@ -75,8 +62,7 @@ class OnFile:
     def rows(self) -> list[Row]:
         """Error and interval of the load on the fitted mesh."""
         plate, mesh = self.plate, _mesh(self.plate, self.kind, self.seed)
-        of = Curved("", plate.outline, plate.fabric, plate.travel, plate.fabrics)
-        coarse, load = (of.converged(across) for across in _FINE)
+        coarse, load = (plate.converged(across) for across in FINE)
         fabric: Any = _per_element(plate.fabric, mesh)
         if plate.fabrics:
             own = {"rest": fabric, **plate.fabrics}
@@ -111,10 +97,10 @@ def _per_element(fabric: Fabric, mesh: Mesh) -> Fabric:
     return fabric
 
 
-def _mesh(plate: Plate, kind: str, seed: int) -> Mesh:
-    """Mesh that knows the outline and the regions, but no fibre."""
+def _mesh(plate: Curved, kind: str, seed: int) -> Mesh:
+    """Mesh of the outline and the regions, without edges on singular fibres."""
     outline, random = plate.outline, np.random.default_rng(seed)
-    size = float(np.sqrt(outline.shape().area)) / _ACROSS
+    size = float(np.sqrt(outline.shape().area)) / DEFAULT
     lines = singular_fibres(outline, Fabric(), fabrics=plate.fabrics)
     lines = replace(lines, fibres=[], weak=[], held=[])
     turn = random.uniform(0, np.pi / 3)
@@ -157,17 +143,12 @@ def _paired(mesh: Any, random: Any) -> Mesh:
     )
 
 
-def _straight(degrees: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    c, s = float(np.cos(np.radians(degrees))), float(np.sin(np.radians(degrees)))
-    return (c, s), (-c, s)
-
-
-def _plate(shape: str, random: Any) -> Plate:
+def _plate(shape: str, random: Any) -> Curved:
     """Plate of a shape."""
     degrees, E = random.uniform(38, 54), G * 10 ** random.uniform(4, 5.5)
     law = LAWS[str(random.choice(["linear", "sin²", "locking"]))]
-    fabric = Fabric(E, law, *_straight(degrees))
-    polygon: Any = box(_HEIGHT)
+    fabric = Fabric(E, law, *straight(degrees))
+    polygon: Any = box(HEIGHT)
     holes: Any = ()
     more: Any = {}
     fabrics: Any = {}
@@ -178,42 +159,23 @@ def _plate(shape: str, random: Any) -> Plate:
             holes = (circle(x, y, random.uniform(5, 10)),)
         case "notch":
             notch = (WIDTH, y - 5), (WIDTH - random.uniform(6, 12), y), (WIDTH, y + 5)
-            polygon = *box(_HEIGHT)[:2], *notch, *box(_HEIGHT)[2:]
+            polygon = *box(HEIGHT)[:2], *notch, *box(HEIGHT)[2:]
         case "patch":
             a, b = random.uniform(8, 12), random.uniform(12, 20)
             corners = [[x - a, x + a, x + a, x - a], [y - b, y - b, y + b, y + b]]
             more = {"regions": {"patch": corners}}
-            other = _straight(degrees + random.uniform(-4, 4))
+            other = straight(degrees + random.uniform(-4, 4))
             fabrics = {"patch": Fabric(E, 2 * G, *other)}
         case "arcs":
             # No fibre connects the clamps.
             low, more_far = random.uniform(60, 120), random.uniform(20, 45)
             far = low + more_far
-            rays = _rays(-far, -low), _arcs(-far, -low)
-            fabric = Fabric(E, law, *rays)
+            fabric = Fabric(E, law, *arcs(-far, -low))
         case "steered":
-            warp = _steered(degrees, degrees + random.uniform(5, 12))
-            fabric = Fabric(E, law, warp, _straight(180 - degrees)[0])
+            warp = steered(degrees, degrees + random.uniform(5, 12))
+            fabric = Fabric(E, law, warp, straight(180 - degrees)[0])
     outline = Outline(np.transpose(polygon), [np.transpose(h) for h in holes], **more)
-    return Plate(outline, fabric, fabrics, travel)
-
-
-def _rays(x0: float, y0: float) -> Any:
-    return lambda x: np.stack([x[0] - x0, x[1] - y0])
-
-
-def _arcs(x0: float, y0: float) -> Any:
-    return lambda x: np.stack([y0 - x[1], x[0] - x0])
-
-
-def _steered(low: float, high: float) -> Any:
-    """Direction at an angle in degrees that increases from the bottom to the top."""
-
-    def direction(x: ndarray) -> ndarray:
-        angle = np.radians(low + (high - low) * x[1] / _HEIGHT)
-        return np.stack([np.cos(angle), np.sin(angle)])
-
-    return direction
+    return Curved(shape, outline, fabric, travel, fabrics)
 
 
 def on_files(seed: int, before: str, n: int = 60) -> Iterator[OnFile]:
