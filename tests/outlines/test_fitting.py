@@ -1,5 +1,7 @@
 """Meshes of the user fitted to the singular fibres."""
 
+from dataclasses import replace
+
 import meshio
 import numpy as np
 import pytest
@@ -382,6 +384,17 @@ def test_smooth_directions_per_element_are_as_good_as_their_field():
         stepper = LoadStepper(Ply(fit.mesh, fit.fabric, fit.formulation), held, 1)
         loads[name] = stepper.run().states[-1].reactions["top"][0]
     assert loads["values"] == pytest.approx(loads["arcs"], rel=5e-3)
+
+
+def test_a_region_without_shear_stiffness_leaves_the_mesh_as_it_is():
+    """A jump of the shear angle there would be a mechanism."""
+    mesh = rectangle(MeshTri, 6)
+    right = np.setdiff1d(np.arange(mesh.nelements), mesh.subdomains["left half"])
+    mesh = mesh.with_subdomains({"rest": right})
+    fabrics = {"rest": fabric(), "left half": replace(fabric(), shear=0.0)}
+    fit = fitted(mesh, fabrics, HELD)
+    assert fit.mesh is mesh
+    assert "without shear stiffness nothing resists" in fit.note
 
 
 def test_a_fit_that_turns_elements_over_is_refused_with_the_cure():
