@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import Frozen, PlyParameters, Values
-from .active_set import ActiveSet
+from . import active_set
 from .direction import NEAR, Definite, Direction, Iterate
 from .globalisation import Descent, Whole
 from .problem import HOLD, Evaluation, Problem, Tangent, tangent_at
@@ -162,7 +162,7 @@ class Newton:
         follows = most_projected < np.inf and not problem.contacts
         most_projected = most_projected if follows else np.inf
         progress = _Progress(problem, fixed_values, most_projected, report)
-        direction = (ActiveSet if problem.contacts else Definite)(problem)
+        direction = (active_set.ActiveSet if problem.contacts else Definite)(problem)
         at = direction.first(start)
         for stage in self._stages(problem, start.keeps_parameters):
             if progress.residuals and at.unstable and not follows:
@@ -361,10 +361,10 @@ class Damped:
 class NearEquilibrium:
     """Updates of the parameters in an iteration near its equilibrium.
 
-    Each one requires a tenth of the residual of the previous one, and uses the
-    predicted tensions.  Between tools they continue to the equilibrium; elsewhere until
-    one changes the energy by less than `SETTLED`, or by more than half of the previous
-    change.
+    They use the predicted tensions.  Between tools each increment is followed by one,
+    except of the contact forces, which the increment itself determines.  Elsewhere each
+    one requires a tenth of the residual of the previous one, until one changes the
+    energy by less than `SETTLED`, or by more than half of the previous change.
 
     Parameters
     ----------
@@ -381,11 +381,13 @@ class NearEquilibrium:
         problem, p = self.problem, at.parameters
         if not at.unbalanced(problem) < self._near:
             return at
-        self._near *= NEAR
         after = problem.ply.updated(p, at.u, problem.load_factor, at.tension)
         if after is p:
             return at
-        if not problem.contacts:
+        if problem.contacts:
+            after = Frozen({**after, **active_set.of_tools(problem, p)})
+        else:
+            self._near *= NEAR
             change, last = self._change(at, after), self._damped.change
             if not SETTLED < change <= last / 2:
                 self._near = 0.0

@@ -42,6 +42,16 @@ def test_a_slack_ply_is_formed_and_its_other_states_are_announced():
     assert result.linear_solves < 270
 
 
+def test_near_the_equilibrium_every_increment_reduces_the_residual():
+    """Contact forces are those of the increment, and parameters follow each one."""
+    scene = hemisphere_forming("aligned", size=(4, 4), travel=20.0)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    state = Case(scene=scene, fabric=fabric, steps=1).run().states[-1]
+    near = np.array([x for x in state.residuals if x < 1.0])
+    assert len(near) >= 4
+    assert (near[1:] < 0.2 * near[:-1]).all()
+
+
 @pytest.mark.slow
 def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
     """It continues from a displacement before, with an increment that descends.
