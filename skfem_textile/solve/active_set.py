@@ -175,6 +175,7 @@ class ActiveSet(Direction):
             du = tangent.increment(force, u, fixed_values)
             if max(gap.moved(problem.nodal(du)) for gap in gaps) <= accepted:
                 break
+        assert tangent
         self._last_shift = shift or self._last_shift
         tangent.projected = projected or shift > 0
         names = [tool.name for tool in problem.contacts]
@@ -208,6 +209,7 @@ class ActiveSet(Direction):
 
     def _projected(self, at: Iterate) -> ndarray:
         """Stiffness without tools and compressive tensions, of projected elements."""
+        assert at.tension is not None  # `first` sets it
         problem, p = self._problem, without(self._problem, at.parameters)
         arguments = at.u, problem.load_factor, p, np.maximum(at.tension, 0.0), True
         return problem.clock.time("assembly", problem.ply.stiffness, *arguments)
