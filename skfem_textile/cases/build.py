@@ -172,7 +172,9 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         _warn_of_other_directions(file)
     if file.regions:
         scene, fabric = _with_regions(scene, fabric, file)
-    loads = _loads(file.loads, scene.turn)
+    loads = _loads(file.loads)
+    if scene.rotation:
+        loads = tuple(load.turned(scene.turn) for load in loads)
     fit = _fitted(scene, fabric, loads, file.mesh.as_is)
     if isinstance(fabric := fit.fabric, Mapping):
         fabric = fabric_of_regions(fit.mesh, fabric)
@@ -246,16 +248,12 @@ def _refuse_contradictions(file: CaseFile) -> None:
         )
 
 
-def _loads(of: Loads, turn: np.ndarray) -> tuple[Load, ...]:
-    """Forces on boundaries and the weight, those in the plane rotated."""
-    loads: list[Load] = [
-        Force(name, turn @ total if len(total) == 2 else total)
-        for name, total in of.force_N.items()
-    ]
-    if (weight := of.weight_N_per_mm2) is not None:
-        value = turn @ weight if len(weight) == 2 else weight
-        loads.append(BodyForce(value, factor=1.0, name="weight"))
-    return tuple(loads)
+def _loads(of: Loads) -> tuple[Force | BodyForce, ...]:
+    """Forces on boundaries and the weight."""
+    forces = tuple(Force(name, total) for name, total in of.force_N.items())
+    if (weight := of.weight_N_per_mm2) is None:
+        return forces
+    return *forces, BodyForce(weight, factor=1.0, name="weight")
 
 
 def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
@@ -278,7 +276,7 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
         built = scene.build(mesh)
         if file.stepping.tolerance is not None:
             _refuse_fields(file, built)
-            built = built.graded(laws, density, _loads(file.loads, np.eye(2)))
+            built = built.graded(laws, density, _loads(file.loads))
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
 
 
@@ -387,7 +385,7 @@ def _graded(file: CaseFile, laws: Fabric, factor: float) -> "Scene":
         scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
     density = file.mesh.density
     assert density is not None  # by default 1
-    return scene.graded(laws, factor * density, _loads(file.loads, np.eye(2)), outline)
+    return scene.graded(laws, factor * density, _loads(file.loads), outline)
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":

@@ -143,6 +143,41 @@ class BiasExtension(PlaneScene):
     )
 
 
+#: Motions of the upper clamp across itself in simple shear.
+ACROSS = "tension", "circle", "gap"
+
+#: Default tension across the clamps in N/mm.
+SHEAR_TENSION = 0.1
+
+
+@declaration("scenes.simple_shear")
+class SimpleShear(PlaneScene):
+    """a ply sheared between parallel clamps"""
+
+    steps = 5
+
+    size: tuple[int, int] = (16, 8)
+    warp: float = deg("inclination of the warp", default=0.0)
+    weft: float = deg("inclination of the weft", default=90.0)
+    shear_angle: float = deg(
+        "final shear angle of fibres along the sides", default=20.0
+    )
+    width: float = mm("length of the clamps, for a generated mesh", default=100.0)
+    height: float = mm(
+        "distance between the clamps, for a generated mesh", default=50.0
+    )
+    across: Literal["tension", "circle", "gap"] = key(
+        "motion of the upper clamp across itself: free under a constant tension, on "
+        "the circle of the unstretched weft, or none",
+        default="tension",
+    )
+    tension: float | None = key(
+        f"tension across the clamp (default with tension: {SHEAR_TENSION})",
+        default=None,
+        unit="N_per_mm",
+    )
+
+
 _MOVES = (("bottom", (0.0, 0.0)), ("top", (0.0, 10.0)))
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Literal, TypeAlias, TypeVar, get_args
 
 import numpy as np
@@ -98,6 +99,15 @@ def edge_numbers(edges: ndarray, ends: ndarray) -> ndarray:
 
 
 Where: TypeAlias = str | ArrayLike | Callable[[ndarray], ndarray]
+
+
+def turned_where(where: Where, Q: ndarray) -> Where:
+    """The same selection after a rotation Q of the plane."""
+    return partial(_turned, where=where, Q=Q) if callable(where) else where
+
+
+def _turned(X: ndarray, where: Callable, Q: ndarray) -> ndarray:
+    return where(Q.T @ X)
 
 
 def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:

@@ -305,7 +305,8 @@ def _of_motion(
     """
     value, seeds = condition.value, []
     in_part = isinstance(value, list | tuple) and any(x is None for x in value)
-    rigid = condition.direction is None and not in_part and not callable(value)
+    rigid = (condition.direction is None and not in_part) or condition.together
+    rigid = rigid and not callable(value)
     if not rigid:
         corners = [x for _, x in part.runs(near, CORNER)]
         starts = np.array([x for x, _ in part.runs(near, CORNER)]).reshape(-1, 2).T

@@ -1,7 +1,8 @@
 """Loads on a ply: tractions, forces, body forces and pressures."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,7 +23,7 @@ from skfem.helpers import dot, grad
 from ..forms import Forms
 from ..forms.form import builds_forms
 from ..mesh.bases import components, node_dofs
-from ..mesh.selection import Where, selected_nodes
+from ..mesh.selection import Where, selected_nodes, turned_where
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from .terms import Factor, FormTerm, VectorTerm, factor_at, proportional
 
@@ -79,6 +80,10 @@ class Traction:
         edges = _boundary(f"load {name!r}", self.boundary, basis)
         return VectorTerm(name, _spread(name, self.value, edges), self.factor)
 
+    def turned(self, Q: ndarray) -> "Traction":
+        """The same load after a rotation Q of the problem in its plane."""
+        return replace(self, value=_turned(self.value, Q))
+
 
 @dataclass(frozen=True)
 class Force:
@@ -124,6 +129,11 @@ class Force:
         vector[node_dofs(basis)[:, nodes]] = (total / len(nodes))[:, None]
         return VectorTerm(name, vector, self.factor)
 
+    def turned(self, Q: ndarray) -> "Force":
+        """The same load after a rotation Q of the problem in its plane."""
+        where = turned_where(self.where, Q)
+        return replace(self, where=where, total=_turned(self.total, Q))
+
 
 @dataclass(frozen=True)
 class BodyForce:
@@ -156,6 +166,22 @@ class BodyForce:
         """
         area = CellBasis(basis.mesh, basis.elem, basis.mapping, dofs=basis.dofs)
         return VectorTerm(self.name, _spread(self.name, self.value, area), self.factor)
+
+    def turned(self, Q: ndarray) -> "BodyForce":
+        """The same load after a rotation Q of the problem in its plane."""
+        return replace(self, value=_turned(self.value, Q))
+
+
+def _turned(value: Any, Q: ndarray) -> Any:
+    """A vector, or a function of position that returns vectors, after a rotation."""
+    if callable(value):
+        return partial(_turned_field, value=value, Q=Q)
+    return Q @ value
+
+
+def _turned_field(x: ndarray, value: Callable[[ndarray], ndarray], Q: ndarray) -> Any:
+    of_x = value(np.tensordot(Q.T, x, axes=1))
+    return np.tensordot(Q, np.stack(np.broadcast_arrays(*of_x)), axes=1)
 
 
 def _boundary(what: str, name: str, basis: CellBasis) -> FacetBasis:

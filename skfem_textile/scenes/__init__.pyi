@@ -17,6 +17,9 @@ from .forming import (
 from .scene import (
     Scene as Scene,
 )
+from .simple_shear import (
+    simple_shear as simple_shear,
+)
 from .specimen import (
     specimen as specimen,
 )

@@ -103,8 +103,10 @@ class Scene:
     rotation
         Angle in radians by which the whole problem is rotated.
     load
-        Exact force along y on the driven edge in N, ``(shear law, t) -> float``, for
-        inextensible fibres; None if it is unknown or zero.
+        Exact force on the driven edge along the axis ``load_axis`` in N, ``(shear law,
+        t) -> float``, for inextensible fibres; None if it is unknown or zero.
+    load_axis
+        Number of this axis: y by default.
     load_lost
         Estimated relative reduction of this force by fibre stretch, ``(fabric, t) ->
         float``; None if there is no estimate.
@@ -147,6 +149,7 @@ class Scene:
     shear_angle: ExactField = field(default_factory=lambda: unknown)
     rotation: float = 0.0
     load: Callable[[Law, float], float] | None = None
+    load_axis: int = 1
     load_lost: Callable[[Fabric, float], float] | None = None
     misfit: str = ""
     shear_test: "BiasTest | FrameTest | None" = None
@@ -163,7 +166,7 @@ class Scene:
     initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
 
     def rotated(self, angle: float) -> "Scene":
-        """The same problem with mesh, fibres and conditions rotated together.
+        """The same problem with mesh, fibres, conditions and loads rotated together.
 
         Parameters
         ----------
@@ -173,7 +176,8 @@ class Scene:
         Raises
         ------
         ValueError
-            If the angle is not finite, or the scene is in space.
+            If the angle is not finite, the scene is in space, or a load has no method
+            ``turned``.
         """
         if not np.isfinite(angle):
             raise ValueError(f"the rotation must be a finite angle, got {angle}")
@@ -184,7 +188,14 @@ class Scene:
                 f"the scene {self.name} is in space and cannot be rotated: omit the "
                 "rotation"
             )
-        Q = _rotation(angle)
+        Q, loads = _rotation(angle), []
+        for load in self.loads:
+            if not (turned := getattr(load, "turned", None)):
+                raise ValueError(
+                    f"the scene {self.name} has a load without a method turned(Q), "
+                    f"{type(load).__name__}, and cannot be rotated"
+                )
+            loads.append(turned(Q))
         return replace(
             self,
             mesh=replace(self.mesh, doflocs=Q @ self.mesh.p),
@@ -195,6 +206,7 @@ class Scene:
                 for k, c in self.conditions.items()
                 if isinstance(c, Condition)  # only plies in space are on surfaces
             },
+            loads=tuple(loads),
             displacement=partial(_turned_vector, of=self.displacement, Q=Q),
             shear_angle=partial(_turned_number, of=self.shear_angle, Q=Q),
             rotation=self.rotation + angle,
@@ -387,7 +399,7 @@ class Scene:
             ),
             **{f"reaction_{x}": f for x, f in zip("xyz", reaction, strict=False)},
             **{f"reaction_share_of_{k}": v for k, v in carried.items()},
-            **self._load_over_exact(result, reaction[1]),
+            **self._load_over_exact(result, reaction[self.load_axis]),
             **self.errors(result),
             **self.measured(result),
             **({} if self.misfit else self.figures(result)),
@@ -395,7 +407,7 @@ class Scene:
         }
 
     def _load_over_exact(
-        self, result: Result, reaction_y: float
+        self, result: Result, reaction: float
     ) -> dict[str, float | str]:
         """Load relative to the exact load, if this is known and not zero."""
         fabric, t = result.ply.fabric, result.states[-1].load_factor
@@ -412,7 +424,7 @@ class Scene:
                     "domain of the shear law"
                 )
             }
-        figures: dict[str, float | str] = {"load_over_exact": reaction_y / exact}
+        figures: dict[str, float | str] = {"load_over_exact": reaction / exact}
         if self.load_lost is None:
             return figures
         figures["load_lost_to_fibre_stretch"] = lost = self.load_lost(fabric, t)

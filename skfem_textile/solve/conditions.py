@@ -1,7 +1,7 @@
 """Displacement conditions, the constraints that they resolve to, and their forces."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
@@ -14,7 +14,7 @@ from skfem import CellBasis
 
 from ..fabric import Direction, unit_vectors
 from ..mesh.bases import components, node_dofs, node_positions
-from ..mesh.selection import Where, selected_nodes
+from ..mesh.selection import Where, selected_nodes, turned_where
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .on_surface import OnSurface
 from .surface_nodes import PARALLEL_ANGLE, SurfaceNodes
@@ -53,21 +53,28 @@ class Condition:
     direction
         The direction in which the displacement is fixed: a vector of d components or a
         function of position.  If not given, all components are fixed.
+    together
+        True if all nodes have the same displacement along the directions that are not
+        fixed, as in a rigid clamp that is guided or hangs free.  Such a clamp does not
+        rotate; its load is the sum of the forces on its nodes.
 
     Examples
     --------
     A clamp, an edge displaced by 5 mm, a roller on a slope of 30°, and in space an edge
-    that is displaced along y, fixed along x and free along z:
+    that is displaced along y, fixed along x and free along z; a rigid clamp that is
+    displaced along x and moves freely along y:
 
     >>> clamp = Condition("bottom")
     >>> pulled = Condition("top", 5.0, direction=(0, 1))
     >>> roller = Condition(lambda x: x[0] > 99.9, direction=(-0.5, 3**0.5 / 2))
     >>> in_space = Condition("top", (0.0, 5.0, None))
+    >>> rigid = Condition("top", (5.0, None), together=True)
     """
 
     where: Where
     value: Value = 0.0
     direction: Direction | None = None
+    together: bool = False
 
     def __post_init__(self) -> None:
         keep_copies(self, "where", "value", "direction")
@@ -91,6 +98,33 @@ class Condition:
         what = f"condition {name!r}: direction"
         n = unit_vectors(what, self.direction, X, d=d)
         return np.broadcast_to(n, shape)[None]
+
+    def shared_directions(self, name: str, X: ndarray, d: int = 2) -> ndarray:
+        """Directions along which the nodes move together, shape (k, d).
+
+        Raises
+        ------
+        ValueError
+            If all directions are fixed, or other ones at each node.
+        """
+        if not self.together:
+            return np.empty((0, d))
+        if self.direction is None:
+            shared = np.delete(np.eye(d), self._axes(name, d), axis=0)
+        else:
+            fixed = self.directions(name, X, d)
+            if np.ptp(fixed, axis=2).max() > PARALLEL_ANGLE:
+                raise ValueError(
+                    f"condition {name!r}: nodes that move together must be fixed in "
+                    "one direction: give a vector, not a function of position"
+                )
+            shared = np.linalg.svd(fixed[..., 0])[2][1:]
+        if not len(shared):
+            raise ValueError(
+                f"condition {name!r}: together has no effect, because every component "
+                "is fixed: set the components that are free to None, or omit it"
+            )
+        return shared
 
     def values(self, name: str, X: ndarray, t: float, d: int = 2) -> ndarray:
         """Displacements along the fixed directions, shape (k, n)."""
@@ -119,32 +153,29 @@ class Condition:
         if not isinstance(value, list | tuple) or all(x is not None for x in value):
             return list(range(d))
         axes = [i for i, x in enumerate(value) if x is not None]
-        if self.direction is not None or len(value) != d or not axes:
+        any_fixed = bool(axes) or self.together
+        if self.direction is not None or len(value) != d or not any_fixed:
             raise ValueError(
                 f"condition {name!r}: a value with None must have {d} components, at "
-                "least one of them a number, and cannot be combined with a direction; "
-                f"got {shortened(value)}"
+                "least one of them a number unless the nodes move together, and cannot "
+                f"be combined with a direction; got {shortened(value)}"
             )
         return axes
 
     def turned(self, Q: ndarray) -> "Condition":
         """The same condition after a rotation Q of the problem in its plane."""
-        if self.direction is None and len(axes := self._axes("turned", 2)) < 2:
+        where, direction = turned_where(self.where, Q), self.direction
+        if direction is None and len(axes := self._axes("turned", 2)) < 2:
+            if not axes:
+                return replace(self, where=where)
             (axis,), value = axes, self.value
             along: Any = np.eye(2)[axis]
-            return Condition(self.where, value[axis], along).turned(Q)  # type: ignore[index, arg-type]
-        where, direction = self.where, self.direction
-        return Condition(
-            partial(_turned_where, where=where, Q=Q) if callable(where) else where,
-            partial(_turned_value, condition=self, Q=Q),
-            None
-            if direction is None
-            else partial(_turned_direction, direction=direction, Q=Q),
-        )
-
-
-def _turned_where(X: ndarray, where: Callable, Q: ndarray) -> ndarray:
-    return where(Q.T @ X)
+            one: Any = replace(self, value=value[axis], direction=along)  # type: ignore[index]
+            return one.turned(Q)
+        if direction is not None:
+            direction = partial(_turned_direction, direction=direction, Q=Q)
+        value = partial(_turned_value, condition=self, Q=Q)
+        return replace(self, where=where, value=value, direction=direction)
 
 
 def _turned_value(X: ndarray, t: float, condition: Condition, Q: ndarray) -> ndarray:
@@ -165,7 +196,9 @@ class Constraints:
 
     Where inclined directions are fixed at a node and others are free, the unknowns of
     that node are rotated so that the first ones lie along the fixed directions: u =
-    turn @ q.  Repeated conditions are merged.
+    turn @ q.  Nodes that move together have one free unknown per direction, √n times
+    their displacement, and n − 1 fixed ones, orthogonal to it, that are zero. Repeated
+    conditions are merged.
 
     Parameters
     ----------
@@ -178,7 +211,12 @@ class Constraints:
     ----------
     turn
         Orthogonal matrix from the rotated to the Cartesian unknowns; None if every
-        fixed direction lies along an axis.  Nodes on surfaces are rotated further.
+        fixed direction lies along an axis, and no nodes move together.  Nodes on
+        surfaces are rotated further.
+    shared
+        Numbers of the free unknowns of nodes that move together.
+    rounding
+        Round-off of a fixed unknown, relative to that of a displacement.
     prescribed
         Numbers of the (rotated) unknowns fixed by displacement conditions.
     surfaces
@@ -231,6 +269,11 @@ class Constraints:
         _, node, direction = zip(*rows, strict=True)
         self._node = np.concatenate(node)
         self._resolve(basis, np.concatenate(direction, axis=1))
+        self._determined = self.prescribed
+        self.shared, self.rounding = np.empty(0, dtype=int), 1.0
+        for name, condition, X in self._conditions:
+            if len(shared := condition.shared_directions(name, X, self._d)):
+                self._join(basis, name, shared, [*on])
         if on and self._d != 3:
             raise ValueError(
                 f"condition {next(iter(on))!r}: a surface requires a ply in space: use "
@@ -269,6 +312,40 @@ class Constraints:
         normal = (self._rows.T @ self._rows).tocsc()
         self._normal = _LU(normal) if len(self.prescribed) else None
 
+    def _join(
+        self, basis: CellBasis, name: str, directions: ndarray, surfaces: list[str]
+    ) -> None:
+        """Give the nodes of a condition one unknown along each direction, (k, d)."""
+        if surfaces:
+            raise ValueError(
+                f"condition {name!r}: its nodes move together, which cannot be "
+                f"combined with a surface ({surfaces[0]!r})"
+            )
+        nodes, k = self.nodes[name], len(directions)
+        dofs = node_dofs(basis)[:, nodes]
+        motions = np.zeros((k, basis.N))
+        motions[:, dofs] = directions[:, :, None] / np.sqrt(len(nodes))
+        q = np.stack([turned(motion, self.turn) for motion in motions], axis=1)
+        moved = np.abs(q).max(axis=1) > PARALLEL_ANGLE / np.sqrt(len(nodes))
+        bound = np.append(self.prescribed, self.shared)
+        if moved[bound].any():
+            node = bound[moved[bound].argmax()] // self._d
+            others = [x for x, at in self.nodes.items() if x != name and node in at]
+            raise ValueError(
+                f"condition {name!r}: its nodes move together, but "
+                f"{' and '.join(map(repr, others))} restrains this motion at node "
+                f"{node}, position {tuple(self._X[:, node].round(6).tolist())}"
+            )
+        at = np.flatnonzero(moved)
+        block = np.linalg.qr(q[at], mode="complete").Q
+        block[:, :k] = q[at]
+        joined = identity(basis.N, format="lil")
+        joined[np.ix_(at, at)] = block
+        self.turn = (joined if self.turn is None else self.turn @ joined).tocsr()
+        self.prescribed = np.union1d(self.prescribed, at[k:])
+        self.shared = np.append(self.shared, at[:k])
+        self.rounding = max(self.rounding, float(np.sqrt(len(at))))
+
     def fixed_values(self, t: float) -> ndarray:
         """Values of the prescribed unknowns at the load factor ``t``.
 
@@ -276,8 +353,9 @@ class Constraints:
         if a surface cannot grow.
         """
         self.surfaces.check(t)
+        values = np.zeros(len(self.prescribed))
         if self._normal is None:
-            return np.empty(0)
+            return values
         g = np.concatenate(
             [c.values(name, X, t, self._d).ravel() for name, c, X in self._conditions]
         )
@@ -292,7 +370,8 @@ class Constraints:
                 f"disagree at node {node}, position "
                 f"{tuple(self._X[:, node].round(6).tolist())}, at load factor {t:g}"
             )
-        return q
+        values[np.searchsorted(self.prescribed, self._determined)] = q
+        return values
 
 
 class _LU:

@@ -323,6 +323,7 @@ class Problem:
         constraints = self.constraints
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
         size = np.abs(u).max(initial=0.0) + np.abs(self.nodes).max()
+        size *= constraints.rounding
         reached = bool((np.abs(off) <= 8 * EPSILON * size).all())
         return reached and self.surfaces.are_on(u, self.load_factor)
 
@@ -637,10 +638,12 @@ class Reduced(NamedTuple):
 
 
 def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
-    """Blocks of a tangent, see `System.turned`, reduced to the free unknowns."""
-    if turn is not None:
+    """Blocks of a tangent reduced to the free unknowns, see `System`."""
+    if turn is not None and system.sums is None:
         blocks = system.turned(blocks, turn)
     entries = blocks.ravel()
+    if system.sums is not None:
+        entries = system.sums @ entries
     upper, coupling = (
         csr_matrix((entries[slots.data], slots.indices, slots.indptr), slots.shape)
         for slots in (system.upper, system.coupling)

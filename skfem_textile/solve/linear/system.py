@@ -1,5 +1,7 @@
 """Linear system on the free unknowns."""
 
+from typing import Any
+
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
@@ -30,7 +32,12 @@ class System:
         Number of displacement components.
     upper, coupling
         Indices into the entries of the blocks: of free unknowns at and above the
-        diagonal, and from fixed to free unknowns.
+        diagonal, and from fixed to free unknowns.  Into ``sums @ entries`` instead, if
+        there are sums.
+    sums
+        Matrix from the entries of the blocks to those of RᵀKR, with R of
+        `Problem.turn`, if nodes move together; otherwise None, and `turned` has the
+        entries.
     solver
         Linear solver for their pattern.
     """
@@ -50,7 +57,12 @@ class System:
         number[fixed] = n + np.arange(n_fixed)
 
         slots, row, col = pattern.entries()
-        row, col = np.sort([number[row], number[col]], axis=0)
+        self.sums: csr_matrix | None = None
+        if constraints.shared.size:
+            self.sums, row, col = _sums(pattern, constraints, number)
+            slots = np.arange(len(row))
+        else:
+            row, col = np.sort([number[row], number[col]], axis=0)
         inside, across = col < n, (row < n) & (col >= n)
         self.upper = matrix_of_slots(slots[inside], row[inside], col[inside], (n, n))
         self.coupling = matrix_of_slots(
@@ -63,7 +75,7 @@ class System:
         # The upper triangle in CSR is the lower one in CSC.
         upper = np.ones(self.upper.nnz), self.upper.indices, self.upper.indptr
         pairs = np.array([pattern.rows, pattern.cols])
-        unknowns = Unknowns(positions, pairs, d, free)
+        unknowns = Unknowns(positions, pairs, d, free, constraints.shared)
         self.solver = solver(csc_matrix(upper, (n, n)), unknowns)
 
     def turned(self, blocks: ndarray, turn: csr_matrix) -> ndarray:
@@ -80,3 +92,37 @@ class System:
         blocks[self._rows] = self._left @ blocks[self._rows]
         blocks[self._cols] = blocks[self._cols] @ self._right
         return blocks
+
+
+def _sums(
+    pattern: Pattern, constraints: Constraints, number: ndarray
+) -> tuple[csr_matrix, ndarray, ndarray]:
+    """Matrix from the entries of the blocks to those of RᵀKR, and their rows, columns.
+
+    They are the entries of free rows, at and above the diagonal, with unknowns in the
+    order ``number``, of which the first are free.
+    """
+    turn: Any = constraints.turn
+    slots, row, col = pattern.entries()
+    below = row > col
+    slots = np.append(slots, slots[below])
+    row, col = np.append(row, col[below]), np.append(col, row[below])
+    entry, row, left = _expanded(turn[:, constraints.free], row)
+    second, col, right = _expanded(turn, col[entry])
+    row, col, weights = row[second], number[col], left[second] * right
+    kept = row <= col
+    key = row[kept].astype(np.int64) * len(number) + col[kept]
+    distinct, target = np.unique(key, return_inverse=True)
+    shape = len(distinct), pattern.dimension**2 * len(pattern.rows)
+    positions = target, slots[entry[second][kept]]
+    sums = csr_matrix((weights[kept], positions), shape)
+    return sums, *np.divmod(distinct, len(number))
+
+
+def _expanded(matrix: csr_matrix, rows: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """Entries of some rows of a matrix: index into ``rows``, column and value."""
+    count = np.diff(matrix.indptr)[rows]
+    index = np.repeat(np.arange(len(rows)), count)
+    before = np.cumsum(count) - count
+    entry = np.arange(len(index)) + np.repeat(matrix.indptr[rows] - before, count)
+    return index, matrix.indices[entry], matrix.data[entry]

@@ -6,8 +6,8 @@ after both halves.  The separator is the smallest vertex cover of the node pairs
 the cut, obtained by König's theorem from a maximum matching (Hopcroft & Karp 1973).
 """
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
@@ -32,12 +32,15 @@ class Unknowns:
         Number of unknowns per node, consecutive in the numbering of all unknowns.
     free
         Numbers of the free unknowns, shape (n,).
+    shared
+        Numbers of those of several nodes, which are eliminated last.
     """
 
     positions: ndarray
     pairs: ndarray
     dimension: int
     free: ndarray
+    shared: ndarray = field(default_factory=partial(np.empty, 0, int))
 
     @cached_property
     def order(self) -> ndarray:
@@ -45,6 +48,8 @@ class Unknowns:
         nodes = nested_dissection(self.positions, self.pairs)
         components = np.arange(self.dimension)
         unknowns = (self.dimension * nodes[:, None] + components).ravel()
+        is_shared = np.isin(unknowns, self.shared)
+        unknowns = np.append(unknowns[~is_shared], unknowns[is_shared])
         index = np.full(len(unknowns), -1)
         index[self.free] = np.arange(len(self.free))
         ordered = index[unknowns]
