@@ -33,6 +33,9 @@ from .seeds import ConditionSeeds, Seed, seeds_of_conditions, seeds_of_corners
 #: Maximum number of lines.
 MOST_LINES = 100_000
 
+# Angle in radians between a side and fibres below which they run along it.
+_ALONG_SIDE = 1e-3
+
 #: Default of the least distance between reflections and other fibres, relative to the
 #: length √area.  It is finer than practical elements.
 FINEST = 1e-3
@@ -206,6 +209,28 @@ def singular_fibres(
         list(dict.fromkeys(notes)),
         supports.others,
     )
+
+
+def has_free_side_along_fibres(
+    outline: Outline, fabrics: Iterable[Fabric], conditions: Conditions | None
+) -> bool:
+    """True if fibres run along a free side.
+
+    The shear moment is a traction on this side, which the fibre there carries alone if
+    fibres are inextensible.
+    """
+    start, end = outline.edges()
+    middle, along = 0.5 * (start + end), end - start
+    held = seeds_of_conditions(outline, conditions, ()).held
+    lines = shapely.multilinestrings([piece.T for piece in held])
+    gaps = shapely.distance(lines, shapely.points(middle.T)) if held else np.inf
+    free = np.broadcast_to(gaps > 100 * NEAR * outline.size, middle.shape[1])
+    sines = [
+        np.abs(cross(A[..., 0], along)) / np.hypot(*along)
+        for fabric in fabrics
+        for A in fabric.directions(middle[..., None])
+    ]
+    return bool((np.min(sines, axis=0)[free] < _ALONG_SIDE).any())
 
 
 class _Tracing:

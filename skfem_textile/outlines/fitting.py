@@ -19,12 +19,7 @@ from ..fabric.directions import with_smooth_fields
 from ..mesh.checks import MeshError, check_mesh
 from ..mesh.graph import boundary_edges, edges_of
 from ..mesh.scikit_fem import with_names
-from ..mesh.selection import (
-    SINGULAR,
-    edge_numbers,
-    named_nodes,
-    with_named_nodes,
-)
+from ..mesh.selection import SINGULAR, edge_numbers, named_nodes, with_named_nodes
 from ..mesh.splitting import (
     changed,
     corner_areas,
@@ -37,7 +32,7 @@ from ..ply.formulations import DEFAULT, ON_FIBRES, SMOOTH
 from ..ply.terms import Formulation
 from ..solve.conditions import Conditions
 from .cells import cross
-from .fibres import singular_fibres
+from .fibres import has_free_side_along_fibres, singular_fibres
 from .meshing import along_edges
 from .outline import Outline
 
@@ -92,7 +87,8 @@ class Fitted(NamedTuple):
         See `FittedMesh` and `along_edges`; or as they were.
     formulation
         Formulation for this mesh: `ON_FIBRES` where edges lie on the singular fibres,
-        `SMOOTH` where there are none, `DEFAULT` where they cross the elements.
+        also those along free sides, `SMOOTH` where there are none, `DEFAULT` where they
+        cross the elements.
     note
         Changes, or the reason why there are none, in one line.
     """
@@ -146,10 +142,14 @@ def fitted(
         smooth = _each(fabric, partial(with_smooth_fields, mesh))
         fit = fit_to_fibres(mesh, smooth, conditions, loads)
         on = fit.mesh
+        fabrics = smooth.values() if isinstance(smooth, Mapping) else [smooth]
+        yields = any(is_zero(one.shear_law) for one in fabrics)
         if SINGULAR not in (on.boundaries or {}):
-            return Fitted(mesh, fabric, SMOOTH, "no fibre is singular within the mesh")
-        fabrics = fabric.values() if isinstance(fabric, Mapping) else [fabric]
-        if any(is_zero(one.shear_law) for one in fabrics):
+            outline = Outline.of_mesh(mesh)
+            beside = has_free_side_along_fibres(outline, fabrics, conditions)
+            chosen = ON_FIBRES if beside and not yields else SMOOTH
+            return Fitted(mesh, fabric, chosen, "no fibre is singular within the mesh")
+        if yields:
             raise ValueError(
                 "without shear stiffness nothing resists a jump of the shear angle at "
                 "singular fibres"
