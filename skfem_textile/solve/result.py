@@ -236,8 +236,6 @@ class Result:
         only warn, each with the first load factor; an unresolved path; and users' terms
         whose energy, residual and tangent contradict each other at the last state.
         """
-        from .conditioning import compression_warning
-
         failed: dict[str, list[State]] = {}
         for state in self.states:
             for check in state.warnings:
@@ -251,7 +249,6 @@ class Result:
             lines.append(path_warning(self.unresolved))
         last = self.states[-1]
         lines += self.error.warnings
-        lines += filter(None, [compression_warning(self.ply, last)])
         return lines + self.ply.contradictions(
             last.u, last.load_factor, last.parameters
         )

@@ -64,7 +64,7 @@ def test_a_missing_boundary_is_reported_with_all_names():
 # States and displacements of another ply
 
 MESH = SQUARE.scaled(100.0)
-HELD = {"bottom": Condition("bottom"), "top": Condition("top", (5.0, 1.0))}
+HELD = {"bottom": Condition("bottom"), "top": Condition("top", (1.0, 5.0))}
 FABRIC = Fabric(1e4, 0.5, (1, 1), (-1, 1))
 OTHERS = {
     "mesh": (FABRIC, MESH.refined()),
