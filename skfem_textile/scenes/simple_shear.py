@@ -22,11 +22,18 @@ from ..declarations import scenes as declared
 from ..fabric import Law
 from ..ply.loads import Traction
 from ..solve.conditions import Condition
+from ..solve.quantities import Quantity
+from ..solve.result import Result
 from .rectangle import given_or_rectangle, misfit, require_edges
 from .scene import Scene, with_parameters
 
 # Name of the tension, which differs from the term of the fibre tension.
 _NAME = "tension across"
+
+# Figure of a clamp on the circle that is printed first.
+_FIRST = (
+    Quantity("Load along the motion", "load_along_motion_N", "N", has_interval=True),
+)
 
 # Inclination of fibres in radians that counts as zero.
 _ALONG = 1e-9
@@ -87,6 +94,7 @@ def simple_shear(given: declared.SimpleShear) -> Scene:
     motion = partial(_motion, gamma=gamma, height=height, falls=falls)
     reason = _misfit(given, across) or misfit(mesh, ("bottom", "top"))
     width = float(np.ptp(mesh.p[0]))
+    circle = across == "circle"
     exact = partial(_force, gamma=gamma, width=width, tension=tension)
     return Scene(
         name="simple_shear",
@@ -102,6 +110,8 @@ def simple_shear(given: declared.SimpleShear) -> Scene:
         shear_angle=partial(_angle, gamma=gamma),
         load=exact if across == "tension" else None,
         load_axis=0,
+        measured=partial(_along_motion, gamma=gamma) if circle else _nothing,
+        first=_FIRST if circle else (),
         misfit=reason,
         loads=(Traction("top", (0.0, tension), 1.0, _NAME),) if tension else (),
     )
@@ -161,6 +171,23 @@ def _slide(X: ndarray, t: float, gamma: float, height: float) -> ndarray:
 def _motion(X: ndarray, t: float, gamma: float, height: float, falls: bool) -> ndarray:
     rise = height * (np.cos(t * gamma) - 1) if falls else 0.0
     return np.stack([_slide(X, t, gamma, height), np.full(X.shape[1:], rise)])
+
+
+def _along_motion(result: Result, gamma: float) -> dict[str, float | str]:
+    """Force along the motion on the circle, which is W M, and its half-width in N."""
+    state, error = result.states[-1], result.error
+    half = 0.5 * state.load_factor * gamma
+    c, s, chord = np.cos(half), np.sin(half), state.displacements["top"]
+    along = np.array([[c, s], [-s, c]]) @ chord / max(np.hypot(*chord), 1e-300)
+    force = float(along @ state.reactions["top"])
+    figures: dict[str, float | str] = {"load_along_motion_N": force}
+    if error.load is not None:
+        figures["load_along_motion_N_half_width"] = error.load * abs(force)
+    return figures
+
+
+def _nothing(result: Result) -> dict[str, float | str]:
+    return {}
 
 
 def _sheared(X: ndarray, t: float, gamma: float, bottom: float) -> ndarray:

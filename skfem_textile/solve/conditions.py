@@ -170,12 +170,12 @@ class Condition:
                 return replace(self, where=where)
             (axis,), value = axes, self.value
             along: Any = np.eye(2)[axis]
-            one: Any = replace(self, value=value[axis], direction=along)  # type: ignore[index]
-            return one.turned(Q)
+            component: Any = value[axis]  # type: ignore[index]
+            return replace(self, value=component, direction=along).turned(Q)
         if direction is not None:
             direction = partial(_turned_direction, direction=direction, Q=Q)
-        value = partial(_turned_value, condition=self, Q=Q)
-        return replace(self, where=where, value=value, direction=direction)
+        turned_value: Any = partial(_turned_value, condition=self, Q=Q)
+        return replace(self, where=where, value=turned_value, direction=direction)
 
 
 def _turned_value(X: ndarray, t: float, condition: Condition, Q: ndarray) -> ndarray:
