@@ -28,6 +28,7 @@ _SCRIPTS = {
     "fabrics": (
         "bias_extension",
         "picture_frame",
+        "simple_shear",
         "crimped_fibres",
         "measured_fabric",
         "calibration",

@@ -24,9 +24,10 @@ from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.mesh.selection import SINGULAR, with_named_nodes
 from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.outlines import Outline, fitting, singular_fibres
+from skfem_textile.outlines.fibres import has_free_side_along_fibres
 from skfem_textile.outlines.fitting import fit_to_fibres, smallest_angles
 from skfem_textile.outlines.meshing import mesh_outline
-from skfem_textile.ply.formulations import DEFAULT
+from skfem_textile.ply.formulations import DEFAULT, ON_FIBRES, SMOOTH
 from skfem_textile.scenes.rectangle import rectangle as irregular
 
 HELD = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 12.0))}
@@ -435,6 +436,27 @@ def test_a_mesh_is_left_as_it_is_with_the_reason():
     again = fitted(once.mesh, fabric(), HELD)
     assert again.mesh is once.mesh
     assert "already" in again.note
+
+
+@pytest.mark.parametrize(
+    ("warp", "shear", "held", "chosen"),
+    [
+        ((1, 0), 0.5, ("bottom", "top"), ON_FIBRES),
+        ((1, 0), 0.0, ("bottom", "top"), SMOOTH),
+        ((1, 0), 0.5, ("bottom", "top", "left", "right"), SMOOTH),
+        ((0, 1), 0.5, ("left", "right"), ON_FIBRES),
+    ],
+)
+def test_fibres_along_free_sides_are_singular(warp, shear, held, chosen):
+    """The fibre there carries the shear moment, a traction on the side, alone."""
+    mesh, weft = rectangle(MeshTri, 6), (-warp[1], warp[0])
+    conditions = {name: Condition(name) for name in held}
+    fit = fitted(mesh, Fabric(1e4, shear, warp, weft), conditions)
+    assert fit.mesh is mesh
+    assert fit.formulation == chosen
+    oblique = Fabric(1e4, shear, (1, 2), (-2, 1))
+    outline = Outline.of_mesh(mesh)
+    assert not has_free_side_along_fibres(outline, [oblique], conditions)
 
 
 def test_fabrics_of_subdomains_have_fibres_at_their_borders():

@@ -1,0 +1,1 @@
+"""Load, components and intervals of simple shear between clamps."""
