@@ -24,7 +24,7 @@ for tension in (0.05, 0.1, 0.2):  # N/mm
     moved, force = scene.driven_curve(result)
     curves[f"{tension:g} N/mm"] = moved, force
     exact = scene.load(fabric.shear_law, 1.0)
-    print(f"{tension:4g} N/mm: {force[-1]:.2f} N, for inextensible fibres {exact:.2f} N")
+    print(f"{tension:4g} N/mm: {force[-1]:.2f} N, inextensible fibres {exact:.2f} N")
     assert abs(force[-1] / exact - 1) < 0.01
 
 plot.curves({"": curves}, "Displacement (mm)", "Force (N)", "force.png")
