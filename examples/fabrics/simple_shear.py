@@ -1,6 +1,6 @@
 """
-Simple shear
-============
+Kawabata test of a ply
+======================
 
 A ply is sheared between two clamps, as in the test of Kawabata: one clamp moves along
 itself and is free across itself, under a constant tension. The force is known if fibres

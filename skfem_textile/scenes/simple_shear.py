@@ -117,24 +117,6 @@ def simple_shear(given: declared.SimpleShear) -> Scene:
     )
 
 
-def force(law: Law, gamma: float, width: float, tension: float) -> float:
-    """Force of the upper clamp along itself in N, W (M + T sin γ)/cos γ.
-
-    Parameters
-    ----------
-    law
-        Shear law M.
-    gamma
-        Shear angle in radians.
-    width
-        Length W of the clamp in mm.
-    tension
-        Tension T across the clamp in N/mm.
-    """
-    moment = float(law.value(np.asarray(gamma)))
-    return float(width * (moment + tension * np.sin(gamma)) / np.cos(gamma))
-
-
 def _tension(across: str, tension: float | None) -> float:
     """Tension in N/mm; an error if it is not valid."""
     if across != "tension":
@@ -161,7 +143,9 @@ def _misfit(given: declared.SimpleShear, across: str) -> str:
 
 
 def _force(law: Law, t: float, gamma: float, width: float, tension: float) -> float:
-    return force(law, t * gamma, width, tension)
+    """Force of the upper clamp along itself in N, see above."""
+    moment = float(law.value(np.asarray(t * gamma)))
+    return width * (moment + tension * np.sin(t * gamma)) / float(np.cos(t * gamma))
 
 
 def _slide(X: ndarray, t: float, gamma: float, height: float) -> ndarray:

@@ -216,7 +216,7 @@ class Constraints:
     shared
         Numbers of the free unknowns of nodes that move together.
     rounding
-        Round-off of a fixed unknown, relative to that of a displacement.
+        Round-off of a fixed unknown over the round-off of a displacement.
     prescribed
         Numbers of the (rotated) unknowns fixed by displacement conditions.
     surfaces

@@ -9,7 +9,6 @@ from skfem_textile import Fabric, Macro, Sin2
 from skfem_textile.ply.formulations import ON_FIBRES
 from skfem_textile.scenes import Case, simple_shear
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.scenes.simple_shear import force
 from tests.helpers import refused
 
 pytestmark = pytest.mark.usefixtures("no_interval")
@@ -51,7 +50,7 @@ def test_the_error_of_the_force_is_that_of_the_sides():
 def test_a_law_that_is_not_linear_gives_its_moment():
     scene, law = simple_shear(size=(4, 2), tension=0.0), Sin2(0.5)
     exact = 100 * law.value(np.array(GAMMA)) / np.cos(GAMMA)
-    assert force(law, GAMMA, 100.0, 0.0) == pytest.approx(float(exact))
+    assert scene.load(law, 1.0) == pytest.approx(float(exact))
     _, summary = run(scene, law, bending=20.0)
     assert summary["load_over_exact"] == pytest.approx(1.0, abs=5e-3)
 

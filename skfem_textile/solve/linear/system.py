@@ -35,7 +35,7 @@ class System:
         diagonal, and from fixed to free unknowns.  Into ``sums @ entries`` instead, if
         there are sums.
     sums
-        Matrix from the entries of the blocks to those of RᵀKR, with R of
+        Matrix from the entries of the blocks to the entries of RᵀKR, with R of
         `Problem.turn`, if nodes move together; otherwise None, and `turned` has the
         entries.
     solver
@@ -97,9 +97,9 @@ class System:
 def _sums(
     pattern: Pattern, constraints: Constraints, number: ndarray
 ) -> tuple[csr_matrix, ndarray, ndarray]:
-    """Matrix from the entries of the blocks to those of RᵀKR, and their rows, columns.
+    """Matrix from the entries of the blocks to RᵀKR, and rows and columns there.
 
-    They are the entries of free rows, at and above the diagonal, with unknowns in the
+    Its entries are the ones of free rows, at and above the diagonal, with unknowns in the
     order ``number``, of which the first are free.
     """
     turn: Any = constraints.turn

@@ -33,7 +33,7 @@ class Unknowns:
     free
         Numbers of the free unknowns, shape (n,).
     shared
-        Numbers of those of several nodes, which are eliminated last.
+        Numbers of free unknowns of several nodes, which are eliminated last.
     """
 
     positions: ndarray
