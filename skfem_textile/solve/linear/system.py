@@ -99,8 +99,8 @@ def _sums(
 ) -> tuple[csr_matrix, ndarray, ndarray]:
     """Matrix from the entries of the blocks to RᵀKR, and rows and columns there.
 
-    Its entries are the ones of free rows, at and above the diagonal, with unknowns in the
-    order ``number``, of which the first are free.
+    Its entries are in free rows, at and above the diagonal, with unknowns in the order
+    ``number``, of which the first are free.
     """
     turn: Any = constraints.turn
     slots, row, col = pattern.entries()
