@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -25,6 +25,11 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.interval import work_of
 
 from ..study import Row
+
+#: Motion of the upper clamp across itself.
+Motion: TypeAlias = Literal["tension", "circle"]
+
+_MOTIONS: tuple[Motion, ...] = "tension", "circle"
 
 #: Seed of the nodes.
 JUDGING = 20261130
@@ -54,7 +59,7 @@ _FINE, _STIFFER = 32, Quadratic(4000.0, points=6)
 class Problem:
     """Motion across the clamps, outline, inclination of the warp in degrees, fabric."""
 
-    across: str
+    across: Motion
     outline: str
     degrees: int
     fabric: str
@@ -166,14 +171,13 @@ def _converged(problem: Problem) -> tuple[float, float, float, float]:
 def sheared() -> Iterator[Sheared]:
     """Every problem on several meshes."""
     random = np.random.default_rng(JUDGING)
-    problems = product(
-        ("tension", "circle"), ("rectangle", "trapezium"), (0, 20, 45), FABRICS
-    )
-    for across, outline, degrees, fabric in problems:
-        problem = Problem(across, outline, degrees, fabric)
+    outlines, degrees = ("rectangle", "trapezium"), (0, 20, 45)
+    problems = product(_MOTIONS, outlines, degrees, FABRICS)
+    for across, outline, warp, fabric in problems:
+        problem = Problem(across, outline, warp, fabric)
         for n in _sizes(problem):
             seed = int(random.integers(1 << 31))
-            name = f"{across}, {outline}, {degrees}°, {fabric}, {n} across"
+            name = f"{across}, {outline}, {warp}°, {fabric}, {n} across"
             yield Sheared(name, problem, n, seed)
 
 
