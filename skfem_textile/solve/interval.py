@@ -34,6 +34,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy import ndarray
 
+from ..fabric import is_zero
 from ..mesh.bases import element_numbers
 from ..mesh.selection import SINGULAR
 from ..mesh.user_input import error_text, real_numbers, shortened
@@ -95,10 +96,13 @@ _BELOW_ONE_POINT: "_Groups" = [
     {"deviation": OF_DEVIATION_BELOW_ONE_POINT},
 ]
 
-# Increase of ``log_range`` for fibres that bend: no shear angle jumps, so that only one
-# of the two errors remains, up to 2.1 times the change: `python -m studies
-# simple_shear`.
-_OF_BENDING = 1.2
+# Least ``log_range`` if only one of the two errors remains: fibres bend instead of jumps
+# of the shear angle, or run along free sides.  The error is up to 2.1 times the change:
+# `python -m studies simple_shear`.
+_OF_ONE_ERROR = 2.4
+
+# Angle in radians between a side and fibres below which they run along it.
+_ALONG_SIDE = 1e-3
 
 # Reasons why a ply has no interval of the load.
 _NO_LOAD = "no moving condition carries a load"
@@ -405,7 +409,7 @@ def _interval(
     if warning := buckling_warning(other.ply, there):
         return ErrorInterval(reason=_BUCKLED, warnings=[warning])
     tangent = Tangent.at(other, there.u, there.parameters)
-    groups = _groups(ply.formulation, other.ply)
+    groups = _groups(ply.formulation, other.ply, _has_one_error(problem))
     changes = _Changes.of(other, tangent, there, groups)
     load = abs(work - work_of(other, there)) + changes.work
     load += max(state.residuals[-1:], default=0.0) * _length(state.u, _rate(problem))
@@ -448,12 +452,30 @@ def _half_width(
     return value, factor * (abs(value - theirs) + half)
 
 
-def _groups(formulation: Formulation, ply: Ply) -> _Groups:
+def _has_one_error(problem: Problem) -> bool:
+    """True if fibres bend, or run along free sides, whose traction they carry alone."""
+    ply, mesh = problem.ply, problem.ply.mesh
+    if ply.fabric.bends or is_zero(ply.fabric.shear_law):
+        return bool(ply.fabric.bends)
+    sides = mesh.boundary_facets()
+    held = np.concatenate(list(problem.constraints.nodes.values()))
+    sides = sides[~np.isin(mesh.facets[:, sides], held).all(axis=0)]
+    start, end = mesh.p[:, mesh.facets[:, sides]].swapaxes(0, 1)
+    cells = element_numbers(ply.basis)[mesh.f2t[0, sides], :1]
+    along = (end - start) / np.hypot(*(end - start))
+    A = ply.fabric.directions(0.5 * (start + end)[..., None], cells)
+    sines = [np.abs(a[0, :, 0] * along[1] - a[1, :, 0] * along[0]) for a in A]
+    return bool((np.array(sines) < _ALONG_SIDE).any())
+
+
+def _groups(formulation: Formulation, ply: Ply, one_error: bool = False) -> _Groups:
     """Groups of the changes of a ply, with which a formulation is compared."""
     reference = ply.formulation
     if isinstance(reference, Macro) and not isinstance(formulation, Macro):
         return _BELOW_ONE_POINT
-    log_range = reference.log_range(ply.mesh) + _OF_BENDING * ply.fabric.bends
+    log_range = reference.log_range(ply.mesh)
+    if one_error:
+        log_range = max(log_range, _OF_ONE_ERROR)
     return [dict.fromkeys(_NUMERICAL, log_range), {_VARIATION: _OF_VARIATION}]
 
 

@@ -72,6 +72,18 @@ def test_the_interval_of_a_reaction_along_fibres_contains_that_of_a_fine_net(
     assert not fabric.bends or half < 0.1 * x
 
 
+@pytest.mark.parametrize(
+    ("fabric", "right"), [(LINEAR, 8.50), (BENT, 8.57)], ids=["linear", "bent"]
+)
+def test_the_interval_of_the_load_contains_that_of_a_fine_mesh(fabric, right):
+    """Fibres along free sides, and bent ones, leave one of the two errors."""
+    result = sheared(fabric)
+    n = np.array([np.cos(np.arcsin(TRAVEL / HEIGHT)), -TRAVEL / HEIGHT])
+    load = n @ result.states[-1].reactions["top"]
+    error = abs(right / load - 1)
+    assert 0.4 * result.error.load < error < result.error.load
+
+
 def test_warnings_name_the_edges_the_fibres_and_the_direction_to_use():
     result = sheared(LINEAR)
     warnings = result.summary()["warnings"]
