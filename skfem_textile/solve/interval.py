@@ -96,9 +96,9 @@ _BELOW_ONE_POINT: "_Groups" = [
     {"deviation": OF_DEVIATION_BELOW_ONE_POINT},
 ]
 
-# Least ``log_range`` if only one of the two errors remains: fibres bend instead of jumps
-# of the shear angle, or run along free sides.  The error is up to 2.1 times the change:
-# `python -m studies simple_shear`.
+# Least ``log_range`` if only one of the two errors remains: fibres bend, or run along
+# free sides, instead of jumps of the shear angle within elements.  The error is up to
+# 2.1 times the change: `python -m studies simple_shear`.
 _OF_ONE_ERROR = 2.4
 
 # Angle in radians between a side and fibres below which they run along it.
