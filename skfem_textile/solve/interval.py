@@ -458,7 +458,7 @@ def _has_one_error(problem: Problem) -> bool:
     if ply.fabric.bends or is_zero(ply.fabric.shear_law):
         return bool(ply.fabric.bends)
     sides = mesh.boundary_facets()
-    held = np.concatenate(list(problem.constraints.nodes.values()))
+    held = np.concatenate([[], *problem.constraints.nodes.values()])
     sides = sides[~np.isin(mesh.facets[:, sides], held).all(axis=0)]
     start, end = mesh.p[:, mesh.facets[:, sides]].swapaxes(0, 1)
     cells = element_numbers(ply.basis)[mesh.f2t[0, sides], :1]
