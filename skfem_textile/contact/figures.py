@@ -36,8 +36,9 @@ _RAYS = (0, 45, 90)
 def formed(result: Result) -> dict[str, Any]:
     """Figures of the last state of a ply between tools in N, mm and degrees; advice.
 
-    For each tool the last row of `tool_history`; ``NAME_force_on_whole_ply_N``, if a
-    half or quarter of the ply is computed; and, except for holders with a prescribed
+    For each tool the last row of `tool_history`; ``NAME_force_N_half_width``, if there
+    is an error interval; ``NAME_force_on_whole_ply_N`` with its half-width, if a half
+    or quarter of the ply is computed; and, except for holders with a prescribed
     pressure, ``NAME_penetration_mm``, the largest depth of the ply in the tool between
     nodes (`smallest_gap`).  Places are in the axes ``stated`` by the tools.  Of the ply
     the draw-in, the areal weight relative to the flat ply (`areal_weight`), and risks.
@@ -66,8 +67,8 @@ def formed(result: Result) -> dict[str, Any]:
     stated = tools[0].stated
     history = tool_history(result)
     return {
-        **{name: column[-1].item() for name, column in history.items()},
-        **_of_whole_ply(ply, history),
+        **(last := _of_tools(result, history)),
+        **_of_whole_ply(ply, last),
         **{f"{name}_penetration_mm": _depth(gap) for name, gap in gaps.items()},
         **deepest,
         **_draw_in(ply, state.u),
@@ -134,14 +135,27 @@ def mirror_images(ply: Ply) -> int:
 _ACROSS = 1e-6
 
 
-def _of_whole_ply(ply: Ply, history: Mapping[str, ndarray]) -> dict[str, float]:
+def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float]:
+    """Last row of a history, and the half-widths of the forces in N."""
+    last = {name: column[-1].item() for name, column in history.items()}
+    along, known = np.abs(_along(result)), result.error.reactions
+    forces = {x.name: known[x.name] for x in pressing(result.ply) if x.name in known}
+    return last | {
+        f"{name}_force_N_half_width": float(along @ half)
+        for name, half in forces.items()
+    }
+
+
+def _of_whole_ply(ply: Ply, last: Mapping[str, float]) -> dict[str, float]:
     """Tool forces on the whole ply, if only a half or quarter is computed."""
     parts = mirror_images(ply)
     if parts not in PARTS:
         return {}
-    keys = {x.name: f"{x.name}_force_on_whole_ply_N" for x in pressing(ply)}
     return {
-        key: parts * history[f"{name}_force_N"][-1].item() for name, key in keys.items()
+        f"{tool.name}_force_on_whole_ply_N{end}": parts * last[key]
+        for tool in pressing(ply)
+        for end in ("", "_half_width")
+        if (key := f"{tool.name}_force_N{end}") in last
     }
 
 
@@ -197,15 +211,20 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
     The component along the longest travel of a tool in a state, so that the forces of
     opposite tools have opposite signs; along z if no tool travels.
     """
-    ply, states, tools = result.ply, result.states, pressing(result.ply)
+    ply, states, along = result.ply, result.states, _along(result)
+    return {
+        x.name: np.array([tool_force(ply, x, state) @ along for state in states])
+        for x in pressing(ply)
+    }
+
+
+def _along(result: Result) -> ndarray:
+    """Direction of the longest travel of a tool in a state; z if none travels."""
+    tools, states = pressing(result.ply), result.states
     travelled = [x.travel(state.load_factor) for x in tools for state in states]
     longest = max(travelled, key=np.linalg.norm)
     length = float(np.linalg.norm(longest))
-    along = longest / length if length > 0 else np.array([0.0, 0.0, 1.0])
-    return {
-        x.name: np.array([tool_force(ply, x, state) @ along for state in states])
-        for x in tools
-    }
+    return longest / length if length > 0 else np.array([0.0, 0.0, 1.0])
 
 
 def travel(tool: Pressing, t: float) -> float:

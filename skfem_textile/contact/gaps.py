@@ -6,6 +6,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply import Ply
+from ..solve.between_nodes import element_centres
 from ..solve.states import State
 from .holder import Pressing
 from .obstacle import ToolContact
@@ -42,7 +43,7 @@ def smallest_gap(
     vertices, midpoints = x[:, :n], x[:, n:]
     if not midpoints.size:
         midpoints = vertices[:, mesh.facets].mean(axis=1)
-    centres = _centres(ply, x)
+    centres = element_centres(ply, x)
     of_vertices = np.zeros(n, dtype=int)
     of_vertices[mesh.t] = np.arange(mesh.nelements)
     elements = np.concatenate([of_vertices, mesh.f2t[0], np.arange(mesh.nelements)])
@@ -52,16 +53,6 @@ def smallest_gap(
     if not np.isfinite(gap[least]):
         return None
     return SmallestGap(float(gap[least]), points[:, least], int(elements[least]))
-
-
-def _centres(ply: Ply, x: ndarray) -> ndarray:
-    """Positions of the element centres for positions x of the nodes, (3, n)."""
-    scalar = ply.basis.elem.elem  # type: ignore[attr-defined]
-    shares = [scalar.lbasis(ply.centre, i)[0] for i in range(len(scalar.doflocs))]
-    nodes = ply.basis.element_dofs[::3] // 3
-    return np.asarray(
-        np.einsum("i,ijn->jn", np.ravel(shares), x.T[nodes].swapaxes(1, 2))
-    )
 
 
 def tool_force(ply: Ply, tool: Pressing, state: State) -> ndarray:

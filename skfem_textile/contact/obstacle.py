@@ -432,7 +432,7 @@ class ToolContact(ContactTerm):
         return bool(np.isfinite(self.gaps(u, t)).any())
 
     def gaps_at(self, x: ndarray, t: float) -> ndarray:
-        """Distances of points from the tool in mm, shape (n,)."""
+        """See `ContactTerm.gaps_at`."""
         return self._obstacle.gaps(x, t).gap
 
     def normals(self, u: ndarray, t: float) -> ndarray:

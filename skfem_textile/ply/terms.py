@@ -162,6 +162,10 @@ class ContactTerm(ElementTerm):
         """
         raise NotImplementedError
 
+    def gaps_at(self, x: ndarray, t: float) -> ndarray:
+        """Distances of points, shape (3, n), from the tool in mm, shape (n,)."""
+        raise NotImplementedError
+
     def normals(self, u: ndarray, t: float) -> ndarray:
         """Unit normals of the tool at the nodes, shape (3, n_nodes)."""
         raise NotImplementedError

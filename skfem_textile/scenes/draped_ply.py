@@ -77,10 +77,7 @@ _ADVICE = (
 
 # Figures of `measured_on_tool` that are printed first.
 _FIRST = (
-    Quantity(
-        *("Largest tool pressure", "max_contact_pressure_N_per_mm2", "N/mm²"),
-        has_interval=True,
-    ),
+    Quantity("Largest tool pressure", "max_contact_pressure_N_per_mm2", "N/mm²"),
     Quantity("Bridging", "bridging_share_of_area", "%", note=" of the area"),
     *(
         Quantity("Note", key)

@@ -17,6 +17,9 @@ size of its differences δ between neighbours.  For a proportional law the numer
 stiffness is calibrated to it.  The further change of the work of another law is of the
 size of ``∫ |M′Γ − M| δ dΩ``: see `_work_of_jumps`.
 
+Between tools and on surfaces the error of contact between nodes adds its change: see
+`between_nodes`.
+
 The forces that remain out of balance, mainly by the rounding of stiff fibres, add their
 work.
 
@@ -46,6 +49,7 @@ from ..ply.formulations import (
 )
 from ..ply.parameters import Values
 from ..ply.terms import FormTerm, Formulation, Term
+from .between_nodes import STEP, changes_of_tools, pushed_out, response, work_of_tools
 from .conditioning import buckling_warning, uncertain_reactions
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
@@ -64,10 +68,6 @@ SHEAR_ANGLE_OVER_CHANGE = 2.2
 # and numerical share of the energy, beyond which there is no interval.
 _MOST, _MOST_NUMERICAL = 1.0, 0.5
 
-# Relative step of finite differences: of the load factor for the rate of the fixed
-# values, and along a motion for the derivative of a quantity.
-_STEP = 1e-3
-
 # Ratio of work to energy, for a ply on a surface, above which the work is attributed to
 # a load.  Measured: supported nodes that follow a triangulated tool do work of up to
 # 0.2 % of the energy; an edge tension does several times the energy.
@@ -84,6 +84,10 @@ _NUMERICAL = "stabilisation", "deviation"
 # the error beside a pole: of the shear law, or of the load where fibres align with it.
 # The recovered tension has an error of the size of its variation.
 _VARIATION, _OF_VARIATION = "variation", 2.0
+
+# Change by contact between the nodes of tools and surfaces, and its factor:
+# `python -m studies forming --case "chosen, *"`.
+_CONTACT, _OF_CONTACT = "contact", 2.0
 
 # Part of the half-width of the work over the result of `_work_of_jumps`:
 # `python -m studies interval --case "chosen: free meshes near *"`.
@@ -107,7 +111,8 @@ _ALONG_SIDE = 1e-3
 # Reasons why a ply has no interval of the load.
 _NO_LOAD = "no moving condition carries a load"
 _IN_SPACE = (
-    "intervals are measured for plies in the plane only; compare with a finer mesh"
+    "intervals are measured for plies in the plane, on surfaces and between tools "
+    "only; compare with a finer mesh"
 )
 _NUMERICAL_LOAD = (
     "most of the resistance is numerical: refine the mesh, or use one that follows the "
@@ -115,6 +120,12 @@ _NUMERICAL_LOAD = (
 )
 
 _BUCKLED = "fibres buckle or bend within elements"
+
+_TOO_WIDE = "its half-width is not small relative to the load: refine the mesh"
+
+# Changes from which an interval follows, in the plane and with tools or surfaces.
+_BY_STIFFNESS = "by the numerical stiffness"
+_BY_CONTACT = f"{_BY_STIFFNESS} and the contact between nodes"
 
 _OWN_TERM = (
     "the discretisation error of the term {} is not known; compare with a finer mesh"
@@ -146,6 +157,8 @@ class ErrorInterval:
         Reason why the interval, or its load, is not available; else empty.
     warnings
         Reactions that the mesh determines poorly, one line each.
+    method
+        Changes from which the interval follows.
     """
 
     load: float | None = None
@@ -156,6 +169,7 @@ class ErrorInterval:
     _half_width: Callable[[Quantity], tuple[float, float]] | None = field(
         default=None, repr=False
     )
+    method: str = _BY_STIFFNESS
 
     def half_widths(self, name: str, d: int) -> list[float | None]:
         """Half-widths of the reaction of a condition in N; d times None if unknown."""
@@ -273,6 +287,7 @@ def work_of(problem: Problem, state: State) -> float:
     """Work of reactions and loads at a state in N·mm; 0 if nothing carries a load."""
     u, p, rate = state.u, state.parameters, _rate(problem)
     work = _work(problem, problem.residual(u, p), u, p, rate)
+    work = np.append(work, work_of_tools(problem, u, p))
     least = state.tolerance * _length(u, rate)
     if problem.surfaces:
         least = max(least, _OF_A_LOAD * abs(sum(state.energies.values())))
@@ -290,18 +305,19 @@ def _work(
     """Work of the reactions through their prescribed motion, and work of the loads.
 
     Each node of a condition contributes with its own motion, as an edge may rotate;
-    ``rate`` is the result of `_rate`.
+    ``rate`` is the result of `_rate`.  Loads between tools are constant and do no work.
     """
     constraints = problem.constraints
     moving = turned(f, constraints.turn)[constraints.prescribed]
-    return np.array([moving @ rate, problem.load(u, parameters) @ u])
+    load = 0.0 if problem.contacts else problem.load(u, parameters) @ u
+    return np.array([moving @ rate, load])
 
 
 def _rate(problem: Problem) -> ndarray:
     """Load factor times the rate of the fixed unknowns with respect to it, in mm."""
     constraints, t = problem.constraints, problem.load_factor
-    values, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP) * t))
-    return (values - before) / _STEP
+    values, before = (constraints.fixed_values(x) for x in (t, (1 - STEP) * t))
+    return (values - before) / STEP
 
 
 class _Change(NamedTuple):
@@ -341,11 +357,16 @@ class _Changes:
                 forces[part.role] = forces.get(part.role, 0.0) + part.forces
         if not problem.in_space and any(_VARIATION in group for group in groups):
             forces[_VARIATION] = forces_of_tension_variation(ply, u)
+        responses = {k: response(problem, tangent, state, f) for k, f in forces.items()}
+        if problem.contacts or problem.surfaces:
+            responses[_CONTACT] = pushed_out(problem, tangent, state)
         rate, by_role = _rate(problem), {}
-        for role, f in forces.items():
-            motion, after = tangent.equilibrated(f)
-            work = float(_work(problem, after, motion, p, rate).sum())
-            by_role[role] = _Change(motion, work, problem.reactions(after, u))
+        for role, found in responses.items():
+            motion, after, _ = found
+            of_tools, reactions = changes_of_tools(problem, state, found)
+            work = float(_work(problem, after, motion, p, rate).sum()) + of_tools
+            reactions |= problem.reactions(after, u)
+            by_role[role] = _Change(motion, work, reactions)
         return cls(ply, u, by_role, groups)
 
     def largest(self, of: Callable[[_Change], Any]) -> Any:
@@ -392,9 +413,9 @@ class _Changes:
 
     def _slope(self, quantity: Callable[[Ply, ndarray], Any], motion: ndarray) -> Any:
         """Derivative of a quantity along a motion."""
-        ends = (quantity(self.ply, self.u + h * motion) for h in (-_STEP, _STEP))
+        ends = (quantity(self.ply, self.u + h * motion) for h in (-STEP, STEP))
         before, after = ends
-        return (after - before) / (2 * _STEP)
+        return (after - before) / (2 * STEP)
 
 
 def _interval(
@@ -409,7 +430,8 @@ def _interval(
     if warning := buckling_warning(other.ply, there):
         return ErrorInterval(reason=_BUCKLED, warnings=[warning])
     tangent = Tangent.at(other, there.u, there.parameters)
-    groups = _groups(ply.formulation, other.ply, _has_one_error(problem))
+    one_error = not problem.in_space and _has_one_error(problem)
+    groups = _groups(ply.formulation, other.ply, one_error)
     changes = _Changes.of(other, tangent, there, groups)
     load = abs(work - work_of(other, there)) + changes.work
     load += max(state.residuals[-1:], default=0.0) * _length(state.u, _rate(problem))
@@ -422,25 +444,33 @@ def _interval(
     half_width = partial(_half_width, ply, state.u, changes)
     if not np.isfinite([load, angle]).all():
         return ErrorInterval(reason="its half-width is not finite")
-    if problem.in_space:
+    in_contact = problem.contacts or problem.surfaces
+    if problem.in_space and not in_contact:
         return ErrorInterval(None, angle, reason=_IN_SPACE if work else _NO_LOAD)
+    method = _BY_CONTACT if in_contact else _BY_STIFFNESS
     if not work:
         return ErrorInterval(
-            None, angle, reactions, _NO_LOAD, [], partial(half_width, 1.0)
+            *(None, angle, reactions, _NO_LOAD, [], partial(half_width, 1.0)),
+            method=method,
         )
     wider = 1.0
-    if load and SINGULAR not in (ply.mesh.boundaries or {}):
+    if load and not problem.in_space and SINGULAR not in (ply.mesh.boundaries or {}):
         wider = 1.0 + _OF_JUMPS * _work_of_jumps(ply, state.u) / load
         load, reactions = wider * load, {k: wider * x for k, x in reactions.items()}
     numerical = sum(state.shares.get("energy", {}).values())
     if not load <= _MOST * abs(work) or numerical > _MOST_NUMERICAL:
+        if in_contact:
+            return ErrorInterval(None, angle, reason=_TOO_WIDE, method=method)
         return ErrorInterval(reason=_NUMERICAL_LOAD)
-    uncertain = list(uncertain_reactions(other, tangent, there, _rate(other), load))
+    uncertain = []
+    if not problem.in_space:
+        uncertain = list(uncertain_reactions(other, tangent, there, _rate(other), load))
     for name, half, _ in uncertain:
         reactions[name] = np.maximum(reactions.get(name, 0.0), half)
     warnings = [x.warning for x in uncertain]
     of_quantity = partial(half_width, wider)
-    return ErrorInterval(load / abs(work), angle, reactions, "", warnings, of_quantity)
+    of_load = load / abs(work), angle, reactions
+    return ErrorInterval(*of_load, "", warnings, of_quantity, method)
 
 
 def _half_width(
@@ -471,12 +501,13 @@ def _has_one_error(problem: Problem) -> bool:
 def _groups(formulation: Formulation, ply: Ply, one_error: bool = False) -> _Groups:
     """Groups of the changes of a ply, with which a formulation is compared."""
     reference = ply.formulation
-    if isinstance(reference, Macro) and not isinstance(formulation, Macro):
-        return _BELOW_ONE_POINT
     log_range = reference.log_range(ply.mesh)
     if one_error:
         log_range = max(log_range, _OF_ONE_ERROR)
-    return [dict.fromkeys(_NUMERICAL, log_range), {_VARIATION: _OF_VARIATION}]
+    groups = [dict.fromkeys(_NUMERICAL, log_range), {_VARIATION: _OF_VARIATION}]
+    if isinstance(reference, Macro) and not isinstance(formulation, Macro):
+        groups = _BELOW_ONE_POINT
+    return [group | {_CONTACT: _OF_CONTACT} for group in groups]
 
 
 def _other(

@@ -517,13 +517,23 @@ class Tangent:
         after[fixed] = before[fixed] + self._matrix.coupling.T @ motion[free]
         return plain(motion, turn), plain(after, turn)
 
+    def response(
+        self, motion: ndarray, forces: ndarray | float = 0.0
+    ) -> tuple[ndarray, ndarray]:
+        """Linear response to a motion of fixed unknowns and to nodal forces.
+
+        The motion of all unknowns, and the nodal forces after it.
+        """
+        moved = self._problem.ply.pattern.matrix(self._blocks) @ motion
+        correction, after = self.equilibrated(moved + forces)
+        return motion + correction, after
+
     def stiffness(self, motion: ndarray) -> float:
         """Stiffness against a motion of the fixed unknowns, condensed.
 
         It is twice the energy of the linear response to the motion.
         """
-        forces = self._problem.ply.pattern.matrix(self._blocks) @ motion
-        return float(motion @ self.equilibrated(forces)[1])
+        return float(motion @ self.response(motion)[1])
 
     def softest(self) -> ndarray:
         """Eigenvector of the smallest stiffness, with largest component 1.

@@ -86,9 +86,14 @@ def _rounded(value: float, digits: int) -> str:
     return f"{float(f'{value:.{digits}g}'):.15g}"
 
 
-#: Quantities of every ply.
+#: Largest shear angle of a ply in its plane, and in space.
+IN_PLANE, IN_SPACE = (
+    Quantity("Largest shear angle", key, "°", "max_shear_angle_at")
+    for key in ("max_shear_angle_deg", "recovered_max_shear_angle_deg")
+)
+
+#: Quantities of every ply that follow.
 OF_PLY = (
-    Quantity("Largest shear angle", "max_shear_angle_deg", "°", "max_shear_angle_at"),
     Quantity(
         *("Shear angle error", "shear_angle_error_deg", "°"),
         note=", root mean square over the ply",

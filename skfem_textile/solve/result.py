@@ -10,15 +10,17 @@ import numpy as np
 from numpy import ndarray
 
 from .. import solve
+from ..mesh.bases import components
 from ..mesh.user_input import CopiedError
 from ..ply import Ply
 from ..ply.terms import ContactTerm
 from ..surfaces.surface import Surface
 from .conditions import Conditions
 from .continuation import path_warning
+from .largest_angle import figures_of_shear
 from .linear.solver import Choice
 from .on_surface import OnSurface
-from .quantities import OF_PLY, Quantity, first_rows
+from .quantities import IN_PLANE, IN_SPACE, OF_PLY, Quantity, first_rows
 from .search import state_at
 from .states import State
 
@@ -306,22 +308,34 @@ class Result:
         triangles, and ``min_det_F`` also at the nodes of the elements.
         ``mesh_fibre_strain`` measures element distortion; it does not enter the law.
 
+        In space ``recovered_max_shear_angle_deg`` is the largest value, at nodes and
+        element centres, of quadratic polynomials through the centres around each node.
+
         ``load_half_width``, relative to the load, and ``shear_angle_error_deg``, a root
         mean square, describe the discretisation error (`error`).  ``error_interval`` is
         "by the numerical stiffness"; if both are None it begins with "none: " and
-        states the reason.  For a ply that is deformed by a tool alone, only the error
-        of the shear angle is available.  For a ply between tools, the figures of
+        states the reason.  For a ply on a tool without loads, only the errors of the
+        shear angle are available.  For a ply between tools, the figures of
         `skfem_textile.contact.formed` follow; `warnings`, if there are any, are last.
         """
         ply, u, state = self.ply, self.u, self.states[-1]
         verdict, shares, error = state.verdict, state.shares, self.error
         angle = error.shear_angle
-        how = "none" if angle is None else "by the numerical stiffness"
+        how = "none" if angle is None else error.method
         if error.reason:
             none = "" if angle is None else "; none for the load"
             how = f"{how}{none}: {error.reason}"
         tension = ply.fibre_tension(u, state.parameters)
         of_load, of_tools = self._figures_of_load(driven), self._figures_of_tools()
+        in_space = components(ply.basis) == 3
+        of_shear = figures_of_shear(ply, u, error) if in_space else {}
+        first = [*of_load.get("first", []), *of_tools.get("first", [])]
+        if in_space:  # the reason for a missing interval is printed once
+            known = of_shear[f"{IN_SPACE.key}_half_width"] is not None
+            stated = any(row.get("has_interval") for row in first)
+            first.append(IN_SPACE._replace(has_interval=known or not stated).declared())
+        else:
+            first.append(IN_PLANE.declared())
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -342,6 +356,7 @@ class Result:
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
             "max_fibre_tension": float(np.abs(tension).max()),
             "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
+            **of_shear,
             **self.place_of_shear(),
             **of_load,
             "load_half_width": error.load,
@@ -356,11 +371,7 @@ class Result:
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
             **of_tools,
-            "first": [
-                *of_load.get("first", []),
-                *of_tools.get("first", []),
-                *(one.declared() for one in OF_PLY),
-            ],
+            "first": [*first, *(one.declared() for one in OF_PLY)],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
 

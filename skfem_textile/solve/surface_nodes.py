@@ -17,6 +17,7 @@ from skfem import CellBasis
 from ..surfaces.surface import (
     OffSurfaceError,
     SurfaceGaps,
+    distance,
     exponential_map,
     gaps,
     is_on,
@@ -309,6 +310,25 @@ class SurfaceNodes:
         height = (normals[:, elements].mean(axis=1) * n).sum(axis=0)
         most = np.nansum(height)
         return np.where(height * np.copysign(1.0, most) < 0, -1.0, 1.0)
+
+    def distances(self, centres: ndarray, elements: ndarray, t: float) -> ndarray:
+        """Signed distances of the centres of elements from their surface.
+
+        Zero for elements that are not completely on one surface.  ``elements`` are the
+        nodes of each element, shape (n, n_elements).  Shape (n_elements,).
+        """
+        away = np.zeros(elements.shape[1])
+        for surface, nodes in self._surfaces(t):
+            on = np.flatnonzero(np.isin(elements, nodes).all(axis=0))
+            away[on] = distance(surface, centres[:, on])
+        return away
+
+    def off(self, u: ndarray, t: float, distance: ndarray) -> ndarray:
+        """Motion of the nodes off their surfaces by distances, shape (n_nodes,)."""
+        at, moved = self._at(u, t), np.zeros(self._X.shape)
+        far = distance[self.nodes] * np.linalg.norm(at.gradient, axis=0)
+        moved[:, self.nodes] = far / at.slope * at.across
+        return moved.T.ravel()
 
     def _surfaces(self, t: float) -> list[tuple[CheckedSurface, ndarray]]:
         """Surfaces at a load factor, and the nodes on each."""

@@ -1,26 +1,35 @@
-"""Cases: the reference hemisphere, its tools as triangles, and random hemispheres."""
+"""Cases: the reference hemisphere, its tools as triangles, and random plies."""
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from scipy.interpolate import CloughTocher2DInterpolator
 from scipy.spatial import KDTree
 
-from skfem_textile import Fabric, Macro, OnePoint
+from skfem_textile import Fabric, Macro, OnePoint, Ply, equilibrium_near
 from skfem_textile.contact import contacts
 from skfem_textile.contact.shape import draw_in
-from skfem_textile.scenes import Case, Scene, hemisphere_forming
+from skfem_textile.scenes import (
+    Case,
+    Scene,
+    double_dome_forming,
+    hemisphere_forming,
+)
 from skfem_textile.solve.result import Result, StepError
+from skfem_textile.solve.states import NoEquilibriumError
+from skfem_textile.solve.verdict import CHECKS
 
 from ..study import Row
 from . import triangles
 
 #: Kinds of cases.
-REFERENCE, REFINED = "reference", "refined"
+REFERENCE, PEAK = "reference", "peak"
 RANDOM, SLACK, DEEP = "random", "slack", "deep"
+CHOSEN, JUDGED = "chosen", "judged"
 
 # Numbers that seed the kinds drawn at random.
-_SEEDS = {RANDOM: 0, REFINED: 0, SLACK: 1, DEEP: 2}
+_SEEDS = {RANDOM: 0, SLACK: 1, DEEP: 2, CHOSEN: 3, JUDGED: 4}
 
 # Travel over the radius of deep cups, whose walls touch the shaft of the punch, and of
 # the others.
@@ -29,6 +38,16 @@ _DEEP, _SHALLOW = (1.0, 1.5), (0.3, 1.0)
 # Refinement of a mesh whose result counts as converged: odd, so that the centre of an
 # element is one of the finer mesh.
 _FINER = 3
+
+# Shares of plies of 12, 16, 20 and 24 parts a side.
+_SHARES_OF_CELLS = 0.5, 0.3, 0.1, 0.1
+
+# Share of double domes, and displacement of the nodes of irregular meshes relative to
+# the elements.
+_SHARE_OF_DOMES, _JITTER = 0.25, 0.2
+
+# Compared quantities: names in rows, and keys of summaries.
+_COMPARED = {"force": "punch_force_N", "angle": "recovered_max_shear_angle_deg"}
 
 # Length of the edges of tools as triangles in mm.
 _EDGE = 1.0
@@ -97,14 +116,12 @@ class Drawn:
             *(fibres, travel, cells, steps),
         )
 
-    def run(
-        self, steps: int, formulation: Any = None, finer: int = 1
-    ) -> tuple[Result, str]:
+    def run(self, steps: int, formulation: Any = None) -> tuple[Result, str]:
         """The result, and the reason why a run stopped."""
         width = 4 * self.radius + 2 * max(self.travel - self.radius, 0.0)
         scene = hemisphere_forming(
             *("aligned", self.radius, self.fillet, self.travel),
-            size=(finer * self.cells,) * 2,
+            size=(self.cells,) * 2,
             width=width,
             height=width,
             fibres=float(np.radians(self.fibres)),
@@ -151,29 +168,139 @@ class Random:
 
 
 @dataclass(frozen=True)
-class Refined:
-    """Hemisphere drawn at random, with elements of a third of the size."""
+class Formed:
+    """Quarter of a ply between tools drawn at random, of 12 to 24 parts a side."""
 
+    tools: str
+    radius: float
+    fillet: float
+    clearance: float
+    gap: float
+    stiffness: float
+    shear: float
+    bending: float
+    tension: float
+    fibres: float
+    travel: float
+    size: float
+    mesh: str
+    cells: int
+
+    @classmethod
+    def of(cls, kind: str, number: int, seed: int) -> "Formed":
+        """The ply of a case."""
+        rng = np.random.default_rng([seed, number, _SEEDS[kind]])
+        radius, fillet = float(rng.uniform(40, 120)), float(rng.uniform(5, 20))
+        clearance, gap = float(rng.uniform(3, 8)), float(rng.uniform(0.2, 0.6))
+        stiffness = float(10 ** rng.uniform(3, 6))
+        shear = float(10 ** rng.uniform(-2, 0))
+        bending, tension = float(rng.uniform(5, 50)), float(rng.choice([0.3, 1.0]))
+        angle = float(rng.choice([0.0, 45.0]))
+        depth, size = float(rng.uniform(0.3, 0.8)), float(rng.uniform(0.9, 1.1))
+        mesh = str(rng.choice(["aligned", "irregular"]))
+        cells = int(rng.choice([6, 8, 10, 12], p=_SHARES_OF_CELLS))
+        dome = bool(rng.random() < _SHARE_OF_DOMES)
+        return cls(
+            *("double dome" if dome else "hemisphere", radius, fillet, clearance, gap),
+            *(stiffness, shear, bending, tension, angle),
+            *(depth * 60.0 if dome else depth * radius, size, mesh),
+            cells,
+        )
+
+    def case(self, finer: int = 1) -> Case:
+        """The case; on aligned elements of a part of the size if it is ``finer``."""
+        n, mesh = finer * self.cells, self.mesh if finer == 1 else "aligned"
+        options: dict[str, Any] = {
+            "jitter": _JITTER if mesh == "irregular" else 0.0,
+            "fibres": float(np.radians(self.fibres)),
+            "tension": self.tension,
+            "travel": self.travel,
+            "gap": self.gap,
+            "clearance": self.clearance,
+        }
+        if self.tools == "hemisphere":
+            options |= {"radius": self.radius, "fillet": self.fillet, "size": (n, n)}
+            options |= dict.fromkeys(("width", "height"), 4 * self.radius * self.size)
+            scene = hemisphere_forming(mesh, **options)
+        else:
+            options |= {"width": 470 * self.size, "height": 300 * self.size}
+            scene = double_dome_forming(mesh, size=(n, 2 * n // 3), **options)
+        bending = (self.bending, self.bending)
+        fabric = Fabric(
+            self.stiffness, self.shear, scene.warp, scene.weft, bending=bending
+        )
+        return Case(scene=scene, fabric=fabric, steps=4)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Ply between tools drawn at random, with elements of a third of the size."""
+
+    kind: str
     number: int
     seed: int
 
     def __str__(self) -> str:
-        return f"{REFINED}, {self.number}"
+        return f"{self.kind}, {self.number}"
 
     def rows(self) -> list[Row]:
-        """One row with the input, the error of the shear angle and its interval."""
-        drawn = Drawn.of(REFINED, self.number, self.seed)
-        given: Row = {"case": str(self), "kind": REFINED} | asdict(drawn)
-        result, refused = drawn.run(drawn.steps)
-        finer, refused_of_finer = drawn.run(drawn.steps, finer=_FINER)
-        nearest = KDTree(_places(finer)).query(_places(result))[1]
-        error = _rms(_centres(result) - _centres(finer)[nearest])
-        estimated = {"error": error, "interval": _interval(result)}
-        reasons = {"refused": refused, "refused_of_finer": refused_of_finer}
-        return [given | _figures(result) | estimated | reasons]
+        """One row with the input, and force, angle and field with their intervals."""
+        drawn = Formed.of(self.kind, self.number, self.seed)
+        row: Row = {"case": str(self), "kind": self.kind} | asdict(drawn)
+        case, finer = drawn.case(), drawn.case(_FINER)
+        try:
+            result = case.run()
+            ply, conditions = finer.ply(), finer.scene.conditions
+            guess = _on_finer(result, ply)
+            state = equilibrium_near(ply, conditions, guess, warn_only=tuple(CHECKS))
+        except (StepError, NoEquilibriumError) as error:
+            return [row | {"refused": str(error)}]
+        fine = Result.of_state(ply, conditions, state)
+        nearest = KDTree(_places(fine)).query(_places(result))[1]
+        off = _centres(result) - _centres(fine)[nearest]
+        summary, other = result.summary(), fine.summary()
+        row |= {"refused": "", "solves": result.linear_solves}
+        row |= {"error": _rms(off), "interval": _interval(result)}
+        for name, key in _COMPARED.items():
+            row |= {
+                name: summary[key],
+                f"half_width_of_{name}": summary.get(f"{key}_half_width"),
+                f"{name}_on_finer": other[key],
+            }
+        return [row]
 
 
-def all_cases(seed: int) -> list[Reference | Random | Refined]:
+@dataclass(frozen=True)
+class Peak:
+    """Largest angle of the reference hemisphere, with its interval."""
+
+    cells: int
+
+    def __str__(self) -> str:
+        return f"{PEAK}, {2 * self.cells} parts"
+
+    def rows(self) -> list[Row]:
+        """One row with force and angle of the last state, and their intervals."""
+        scene = hemisphere_forming("aligned", size=(self.cells, self.cells))
+        fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+        summary = _run(scene, fabric, 5)[0].summary()
+        keys = {"raw": "max_shear_angle_deg"} | _COMPARED
+        row: Row = {"case": str(self), "kind": PEAK, "parts": 2 * self.cells}
+        row |= {name: summary[key] for name, key in keys.items()}
+        return [
+            row
+            | {
+                f"half_width_of_{name}": summary[f"{key}_half_width"]
+                for name, key in _COMPARED.items()
+            }
+        ]
+
+
+#: Any case.
+AnyCase: TypeAlias = Reference | Random | Compared | Peak
+
+
+def all_cases(seed: int) -> list[AnyCase]:
     """All cases; the random ones from a seed."""
     return [
         *(Reference(cells, 5) for cells in (6, 12, 18, 24)),
@@ -182,7 +309,9 @@ def all_cases(seed: int) -> list[Reference | Random | Refined]:
         *(Random(RANDOM, i, seed) for i in range(150)),
         *(Random(SLACK, i, seed) for i in range(40)),
         *(Random(DEEP, i, seed) for i in range(12)),
-        *(Refined(i, seed) for i in range(30)),
+        *(Peak(cells) for cells in (6, 12, 18)),
+        *(Compared(JUDGED, i, seed) for i in range(30)),
+        *(Compared(CHOSEN, i, seed) for i in range(8)),
     ]
 
 
@@ -239,6 +368,16 @@ def _places(result: Result) -> np.ndarray:
     """Centres of the user's elements in the flat ply, shape (n, 2)."""
     points, cells = result.ply.mesh.p, result.ply.cells
     return np.hstack([points[:, cell].mean(axis=1) for cell in cells]).T
+
+
+def _on_finer(result: Result, ply: Ply) -> np.ndarray:
+    """Displacement interpolated smoothly to the nodes of a ply on a finer mesh."""
+    X, values = result.ply.mesh.p.T, result.ply.nodal(result.u).T
+    spline = CloughTocher2DInterpolator(X, values)
+    at = spline(ply.nodes[:2].T)
+    outside = np.isnan(at).any(axis=1)  # by round-off at edges
+    at[outside] = values[KDTree(X).query(ply.nodes[:2].T[outside])[1]]
+    return at.ravel()
 
 
 def _rms(difference: np.ndarray) -> float:

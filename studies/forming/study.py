@@ -7,14 +7,15 @@ from statistics import median
 from ..common.tables import markdown_table
 from ..study import Part, Row, Study
 from .cases import (
+    CHOSEN,
     DEEP,
+    JUDGED,
+    PEAK,
     RANDOM,
     REFERENCE,
-    REFINED,
     SLACK,
-    Random,
+    AnyCase,
     Reference,
-    Refined,
     all_cases,
 )
 
@@ -105,22 +106,58 @@ def _within(rows: Sequence[Row]) -> str:
 
 
 def intervals(rows: Sequence[Row]) -> str:
-    """Number of intervals that contain the shear angles of a finer mesh."""
-    found = [
-        row["error"] / row["interval"]
-        for row in _of(rows, REFINED)
-        if not (row["refused"] or row["refused_of_finer"])
+    """Number of intervals that contain the results of a finer mesh."""
+    names = {JUDGED: "judged", CHOSEN: "chosen"}
+    heads = ["quantity", "plies", "inside", "half-width over error, median"]
+    heads += ["error, median", "error, largest", "half-width, median"]
+    lines = []
+    for kind, name in names.items():
+        of_kind = [row for row in _of(rows, kind) if not row["refused"]]
+        if not of_kind:
+            continue
+        compared = {
+            "punch force": [_pair(row, "force", "%") for row in of_kind],
+            "largest shear angle": [_pair(row, "angle", "°") for row in of_kind],
+            "field": [(row["error"], row["interval"]) for row in of_kind],
+        }
+        for quantity, pairs in compared.items():
+            unit = " %" if quantity == "punch force" else "°"
+            errors, halves = zip(*pairs, strict=True)
+            inside = sum(error <= half for error, half in pairs)
+            over = median(half / error for error, half in pairs)
+            numbers = median(errors), max(errors), median(halves)
+            line = [f"{quantity}, {name}", f"{len(pairs)}", f"{inside}", f"{over:.1f}"]
+            lines.append(line + [f"{x:.2f}{unit}" for x in numbers])
+    return markdown_table(heads, lines) if lines else ""
+
+
+def _pair(row: Row, name: str, unit: str) -> tuple[float, float]:
+    """Error and half-width of a quantity, in % of the finer one or in degrees.
+
+    The half-width is 0 where there is no interval.
+    """
+    scale = 100 / abs(row[f"{name}_on_finer"]) if unit == "%" else 1.0
+    off = abs(row[name] - row[f"{name}_on_finer"])
+    return scale * off, scale * (row[f"half_width_of_{name}"] or 0.0)
+
+
+def peaks(rows: Sequence[Row]) -> str:
+    """Largest angle of the reference hemisphere: raw, and recovered with interval."""
+    heads = ["parts a side", "largest at centres", "recovered", "punch force (N)"]
+    lines = [
+        [
+            f"{row['parts']}",
+            f"{row['raw']:.2f}°",
+            f"{row['angle']:.2f} ± {row['half_width_of_angle']:.2f}°",
+            f"{row['force']:.2f} ± {row['half_width_of_force']:.2f}",
+        ]
+        for row in _of(rows, PEAK)
     ]
-    if not found:
-        return ""
-    heads = ["hemispheres", "error inside the interval", "median of error / interval"]
-    inside = sum(share <= 1 for share in found)
-    line = [f"{len(found)}", f"{inside}", f"{median(found):.2f}"]
-    return markdown_table(heads, [line])
+    return markdown_table(heads, lines) if lines else ""
 
 
-class Forming(Study[Reference | Random | Refined]):
-    """Reference hemisphere, and hemispheres drawn at random by a seed."""
+class Forming(Study[AnyCase]):
+    """Reference hemisphere, and plies drawn at random by a seed."""
 
     parts = (
         Part("reference.csv", {"reference.md": reference}, cases=(f"{REFERENCE},*",)),
@@ -129,7 +166,12 @@ class Forming(Study[Reference | Random | Refined]):
             {"outcomes.md": outcomes},
             cases=tuple(f"{kind},*" for kind in _KINDS),
         ),
-        Part("refined.csv", {"intervals.md": intervals}, cases=(f"{REFINED},*",)),
+        Part(
+            "compared.csv",
+            {"intervals.md": intervals},
+            cases=(f"{CHOSEN},*", f"{JUDGED},*"),
+        ),
+        Part("peak.csv", {"peak.md": peaks}, cases=(f"{PEAK},*",)),
     )
     shown = "{solves} solves"
     sample = str(Reference(6, 5))
@@ -140,9 +182,7 @@ class Forming(Study[Reference | Random | Refined]):
             "--seed", type=int, default=2043, help="seed of the random cases"
         )
 
-    def cases(
-        self, options: argparse.Namespace
-    ) -> Sequence[Reference | Random | Refined]:
+    def cases(self, options: argparse.Namespace) -> Sequence[AnyCase]:
         """See `all_cases`."""
         return all_cases(options.seed)
 

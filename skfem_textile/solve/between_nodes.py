@@ -1,0 +1,161 @@
+"""Change of a state by the contact of elements between their nodes.
+
+Nodes touch a tool or lie on a surface, and elements are chords between them: they
+penetrate a convex tool.  On a surface of constant curvature the mean depth of a
+bilinear element is 2/3 of that at its centre.  The ply is pushed out of the tool by the
+mean depth of the deepest element at each node; the change of the state, from its
+tangent, estimates the error of contact.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from ..ply import Ply
+from ..ply.parameters import PlyParameters, Values
+from .problem import Problem, Tangent
+from .states import State
+
+# Mean depth of a bilinear element over the depth at its centre.
+_MEAN_DEPTH = 2 / 3
+
+# Updates of the contact forces, each of which reduces the distance from the prescribed
+# motion about tenfold.
+_UPDATES = 4
+
+#: Relative step of finite differences: of the load factor for rates, and along a motion
+#: for derivatives.
+STEP = 1e-3
+
+
+class Response(NamedTuple):
+    """Linear response of a state.
+
+    Attributes
+    ----------
+    motion
+        Change of the displacement.
+    after
+        Change of the nodal forces of supports, in N.
+    pushed
+        Distance in mm by which each tool pushes nodes outwards, shape (n_nodes,), by
+        name.
+    """
+
+    motion: ndarray
+    after: ndarray
+    pushed: dict[str, ndarray]
+
+
+def pushed_out(problem: Problem, tangent: Tangent, state: State) -> Response:
+    """Linear response of a state to pushing the ply out of tools and surfaces."""
+    ply, u, t = problem.ply, state.u, state.load_factor
+    elements, n_nodes = ply.basis.element_dofs[::3] // 3, len(u) // 3
+    centres = element_centres(ply, ply.positions(u))
+    depths = {
+        tool.name: _mean_depth(
+            np.maximum(-tool.gaps_at(centres, t), 0.0), elements, n_nodes
+        )
+        for tool in problem.contacts
+    }
+    motion = np.zeros_like(u)
+    if problem.surfaces:
+        away = problem.surfaces.distances(centres, elements, t)
+        motion = problem.surfaces.off(u, t, _mean_depth(-away, elements, n_nodes))
+    return response(problem, tangent, state, 0.0 * u, motion, depths)
+
+
+def response(
+    problem: Problem,
+    tangent: Tangent,
+    state: State,
+    forces: ndarray,
+    motion: ndarray | float = 0.0,
+    depths: Mapping[str, ndarray] | None = None,
+) -> Response:
+    """Linear response of a state to nodal forces and motions.
+
+    Nodes that touch a tool move off it by its depth, shape (n_nodes,), or along it.
+    """
+    u, t, at = state.u, state.load_factor, problem.contacts
+    stiffness = {x.name: state.parameters[x.name]["stiffness"] for x in at}
+    normals = {x.name: x.normals(u, t) for x in at}
+    touch = {x.name: x.forces(u, t, state.parameters[x.name]) > 0 for x in at}
+    rest = np.zeros(len(u) // len(problem.nodal(u)))
+    target = {name: (depths or {}).get(name, rest) * on for name, on in touch.items()}
+    pushed = target
+    for _ in range(_UPDATES if at else 1):
+        of_tools = sum(
+            (stiffness[name] * far * normals[name]).T.ravel()
+            for name, far in pushed.items()
+        )
+        moved, after = tangent.response(motion + 0.0 * u, forces - of_tools)
+        found = Response(moved, after, pushed)
+        off = {k: (n * problem.nodal(moved)).sum(axis=0) for k, n in normals.items()}
+        pushed = {k: x + (target[k] - off[k]) * touch[k] for k, x in pushed.items()}
+    return found
+
+
+def element_centres(ply: Ply, x: ndarray) -> ndarray:
+    """Positions of the element centres for positions x of the nodes, (3, n)."""
+    scalar = ply.basis.elem.elem  # type: ignore[attr-defined]
+    shares = [scalar.lbasis(ply.centre, i)[0] for i in range(len(scalar.doflocs))]
+    nodes = ply.basis.element_dofs[::3] // 3
+    return np.asarray(
+        np.einsum("i,ijn->jn", np.ravel(shares), x.T[nodes].swapaxes(1, 2))
+    )
+
+
+def _mean_depth(at_centres: ndarray, elements: ndarray, n_nodes: int) -> ndarray:
+    """Mean depth of the deepest element at each node, signed, shape (n_nodes,)."""
+    deepest = np.zeros((2, n_nodes))
+    for sign, largest in zip((1, -1), deepest, strict=True):
+        np.maximum.at(largest, elements, np.tile(sign * at_centres, (len(elements), 1)))
+    out, into = deepest
+    return _MEAN_DEPTH * np.where(out >= into, out, -into)
+
+
+def work_of_tools(problem: Problem, u: ndarray, parameters: PlyParameters) -> float:
+    """Work of the tools through their motion in N·mm, with the forces at a state.
+
+    Load factor times the derivative of the energy with respect to it, at a fixed
+    displacement.
+    """
+    work, t = 0.0, problem.load_factor
+    for tool in problem.contacts:
+        closing = tool.gaps(u, (1 - STEP) * t) - tool.gaps(u, t)
+        force = tool.forces(u, t, parameters[tool.name])
+        acts = (force > 0) & np.isfinite(closing)
+        work += float(force[acts] @ closing[acts]) / STEP
+    return work
+
+
+def changes_of_tools(
+    problem: Problem, state: State, response: Response
+) -> tuple[float, dict[str, ndarray]]:
+    """Change of the work of the tools in N·mm, and of the force of each on the ply.
+
+    Parameters
+    ----------
+    problem, state
+        The problem, and its state.
+    response
+        Linear response of the state.
+    """
+    ends = []
+    for h in (-STEP, STEP):
+        p, forces = dict(state.parameters), {}
+        u, t = state.u + h * response.motion, state.load_factor
+        for tool in problem.contacts:
+            values = p[tool.name]
+            pushed = values["stiffness"] * response.pushed[tool.name]
+            p[tool.name] = Values({**values, "force": values["force"] + h * pushed})
+            f = problem.nodal(tool.residual(u, t, p[tool.name]))
+            forces[tool.name] = -f.sum(axis=1)
+        ends.append((work_of_tools(problem, u, p), forces))
+    (work, before), (work_after, after) = ends
+    over = 2 * STEP
+    changes = {name: (after[name] - f) / over for name, f in before.items()}
+    return (work_after - work) / over, changes
