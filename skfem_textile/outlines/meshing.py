@@ -42,8 +42,8 @@ _MOST = 1e6
 _SIZE = 1 / 16
 
 #: Least distance of reflections relative to the size of triangles.  Compared by
-#: `python -m studies singular_fibres --case "finest*"`.
-FINEST = 0.5
+#: `python -m studies singular_fibres --case "finest*" "choosing *"`.
+FINEST = 0.35
 
 # Relative error of the load aimed at by default.
 _AIM = 0.005
@@ -210,11 +210,12 @@ def irregular(
     along = [*lines.borders, *(f.points for f in lines.fibres)]
     ends = [end for piece in lines.held for end in piece.T]
     fixed = np.array([*_ends_of_names(outline), *outline.points.values(), *ends])
-    found = triangles(outline.shape(), along, size, fixed.reshape(-1, 2).T, turn)
+    fixed, borders = fixed.reshape(-1, 2).T, len(lines.borders)
+    found = triangles(outline.shape(), along, size, fixed, turn, borders)
     p = _exact(found.points, outline, lines.held)
     mesh = _named(MeshTri(p, found.triangles), outline, [])
     boundaries, subdomains = dict(mesh.boundaries or {}), {}
-    singular = found.edges[:, found.line >= len(lines.borders)]
+    singular = found.edges[:, found.line >= borders]
     if singular.size:
         boundaries[SINGULAR] = edge_numbers(mesh.facets, singular)
     if outline.regions:

@@ -24,19 +24,24 @@ from .cells import CORNER, angle, corners_of_rings
 # error of curved fibres on the outline (1e-9).
 _NEAR = 1e-8
 
-# A guard against slivers: lines that run within a distance of others or the outline for
-# more than a multiple of it are left out there: distances relative to the size, and
-# multiples.  They have an angle of less than 10 degrees with another line and 3 degrees
-# with the outline.
+# A guard against slivers: lines that run within a distance of others or of an edge, the
+# outline or a border, for more than a multiple of it are left out there: distances
+# relative to the size, and multiples.  They have an angle of less than 10 degrees with
+# another line and 3 degrees with an edge.
 _BESIDE_LINE, _OF_LINE = (0.2, 0.05, 0.0125), 6.0
-_BESIDE_OUTLINE, _OF_OUTLINE = (0.05, 0.0125, 0.003), 20.0
+_BESIDE_EDGE, _OF_EDGE = (0.05, 0.0125, 0.003), 20.0
+
+# Length relative to the size above which a tangent is left out beside an edge: of a
+# circle, if its radius is ten times the size, and sides of the mesh turn by 3 degrees.
+_TANGENT = 2.0
 
 # Length relative to the size by which lines end before a part that is left out.
 _TRIMMED = 0.2
 
 # Share of the size below which lines between crossings are collapsed, a guard against
-# slivers: a line then moves by a small part of an element.
-_COLLAPSED = 0.05
+# slivers.  A line then moves, and its fibres are stretched: at 0.05 a plate with an
+# inclusion is up to 0.6 % stiffer.
+_COLLAPSED = 0.01
 
 # Corners are kept if the turn in radians times the shorter side exceeds this share of
 # the size, a guard against slivers: a smaller one moves the line by a fortieth of an
@@ -100,6 +105,7 @@ def triangles(
     size: float,
     fixed: ndarray | None = None,
     turn: float = 0.0,
+    borders: int = 0,
 ) -> Triangulation:
     """Triangles of a polygon with holes that have given lines as edges.
 
@@ -110,13 +116,16 @@ def triangles(
         curve.
     lines
         Polylines within the polygon, shape (2, n).  They may cross and touch.  Where
-        one runs beside an earlier one or the outline, it is left out.
+        one runs beside an earlier one or the outline, it is left out, unless it is a
+        tangent of a border or of the outline.
     size
         Length of edges in mm; half of it along curved lines.
     fixed
         Points that become nodes, on the outline or on lines, shape (2, n).
     turn
         Direction of the rows of nodes in radians.
+    borders
+        Number of the first lines that are borders between regions.
 
     Raises
     ------
@@ -139,7 +148,9 @@ def triangles(
     _refuse_narrow_gaps(shape, size)
     points = np.empty((2, 0)) if fixed is None else fixed
     points = np.hstack([points, _corners(shape, _SIDE * size)])
-    chains = _chains(shape, *_without_doubles(shape, lines, size), size, points)
+    chains = _chains(
+        shape, *_without_doubles(shape, lines, size, borders), size, points
+    )
     p, segments = _divided(*chains, size)
     return _Refinement(p, segments, size, turn).run()
 
@@ -203,33 +214,40 @@ def _corners(shape: shapely.Polygon, side: float) -> ndarray:
 
 
 def _without_doubles(
-    shape: shapely.Polygon, lines: Sequence[ndarray], size: float
+    shape: shapely.Polygon, lines: Sequence[ndarray], size: float, borders: int
 ) -> tuple[list[shapely.LineString], list[int]]:
     """Lines without stretches nearly parallel to earlier lines; and their indices."""
-    left = [shapely.linestrings(line.T) for line in lines]
+    left = [shape.boundary, *(shapely.linestrings(line.T) for line in lines)]
     tree = shapely.STRtree(left)
-    for share in _BESIDE_OUTLINE:
-        beside = shape.boundary.buffer(share * size, quad_segs=4)
-        for i in tree.query(beside, "intersects"):
-            left[i] = _without(left[i], beside, _OF_OUTLINE * share * size, size)
     pairs = tree.query(tree.geometries, "dwithin", _BESIDE_LINE[0] * size)
-    near: dict[int, list[Any]] = {}
+    near: dict[int, list[tuple[Any, float]]] = {}
     for i, j in sorted(pairs.T.tolist()):
         if j >= i:
             continue
+        edge = left[j] if j <= borders else None
+        of = (_BESIDE_LINE, _OF_LINE) if edge is None else (_BESIDE_EDGE, _OF_EDGE)
         if j not in near:
-            near[j] = [left[j].buffer(d * size, quad_segs=4) for d in _BESIDE_LINE]
-        for share, beside in zip(_BESIDE_LINE, near[j], strict=True):
-            left[i] = _without(left[i], beside, _OF_LINE * share * size, size)
-    parts, number = shapely.get_parts(left, return_index=True)
+            shares = [share * size for share in of[0]]
+            near[j] = [(left[j].buffer(d, quad_segs=4), of[1] * d) for d in shares]
+        for beside, length in near[j]:
+            left[i] = _without(left[i], beside, length, size, edge)
+    parts, number = shapely.get_parts(left[1:], return_index=True)
     lengthy = shapely.length(parts) > 0
     return parts[lengthy].tolist(), number[lengthy].tolist()
 
 
-def _without(line: Any, beside: shapely.Geometry, length: float, size: float) -> Any:
-    """Cut out stretches longer than ``length`` inside ``beside``."""
+def _without(line: Any, beside: Any, length: float, size: float, edge: Any) -> Any:
+    """Cut out stretches longer than ``length`` inside ``beside``.
+
+    Stretches that touch an edge between their ends may be longer.
+    """
     parts = shapely.get_parts(shapely.intersection(line, beside))
-    long = parts[shapely.length(parts) > length]
+    longest = np.full(len(parts), length)
+    for k, part in enumerate(parts if edge is not None else ()):
+        inner = shapely.points(shapely.get_coordinates(part)[1:-1])
+        if shapely.dwithin(inner, edge, _NEAR * size).any():
+            longest[k] = _TANGENT * size
+    long = parts[shapely.length(parts) > longest]
     if not long.size:
         return line
     cut = shapely.union_all(shapely.buffer(long, _TRIMMED * size, quad_segs=4))

@@ -265,6 +265,11 @@ OF_ONE_POINT, OF_MACRO, OF_QUADRATIC = 1.6, 0.85, 0.7
 # fibre stretches.
 _OF_UNRESOLVED_LAYER = 0.6
 
+# Increase of ``log_range`` of quadratic triangles beside a border between subdomains,
+# where they are too stiff rather than too soft.  Chosen by `python -m studies
+# singular_fibres --case "choosing *"`.
+_OF_BORDERS = 1.3
+
 #: Range of the logarithm of E_d where macro-elements are compared with one point, their
 #: limit for a large E_d.  At least 94 % of 70 bias extensions are inside.
 OF_DEVIATION_BELOW_ONE_POINT = 0.7
@@ -497,10 +502,11 @@ class Quadratic(declared.Quadratic, Pointwise):
         return self if self.deviation else replace(self, deviation=_calibrated(mesh))
 
     def log_range(self, mesh: Mesh) -> float:
-        """Calibrated; larger for unresolved layers and for other deviations."""
+        """Calibrated; larger for unresolved layers, borders and other deviations."""
         assert self.deviation is not None
         off = abs(float(np.log(self.deviation / _calibrated(mesh))))
-        return OF_QUADRATIC + _OF_UNRESOLVED_LAYER * _height_of_layer(mesh) + off
+        off += _OF_UNRESOLVED_LAYER * _height_of_layer(mesh)
+        return OF_QUADRATIC + _OF_BORDERS * _has_borders(mesh) + off
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
         """Triangles, unchanged or cut from quadrilaterals, before a split."""
@@ -546,6 +552,13 @@ def _height_of_layer(mesh: Mesh) -> float:
     double = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
     heights = (double[sides] / square)[sides >= 0]
     return min(1.0, float(np.median(heights)))
+
+
+def _has_borders(mesh: Mesh) -> bool:
+    """True if subdomains border on others."""
+    sides = mesh.f2t[:, mesh.f2t[1] >= 0]
+    subdomains = (mesh.subdomains or {}).values()
+    return any((np.isin(sides, own).sum(axis=0) == 1).any() for own in subdomains)
 
 
 def _calibrated(mesh: Mesh) -> float:

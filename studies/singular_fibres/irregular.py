@@ -195,22 +195,24 @@ class Curved:
         )
         return irregular(self.outline, lines, size)
 
-    def converged(self, across: int) -> float:
-        """Load in N on a mesh refined twice at the singular fibres."""
+    def converged(self, across: int, times: int = 2, steps: int = 1) -> float:
+        """Load in N on a mesh refined at the singular fibres, by default twice."""
         mesh: Any = self._mesh(across)
-        for _ in range(2):
+        for _ in range(times):
             beside = np.unique(mesh.f2t[:, mesh.boundaries[SINGULAR]])
             mesh = refined(mesh, beside[beside >= 0])
-        return self._load(mesh, FORMULATIONS[0], True)[0]
+        return self._load(mesh, FORMULATIONS[0], True, steps)[0]
 
-    def _load(self, mesh: Any, formulation: Any, mapped: bool) -> tuple[float, int]:
+    def _load(
+        self, mesh: Any, formulation: Any, mapped: bool, steps: int = 1
+    ) -> tuple[float, int]:
         """Load in N, and unknowns."""
         fabrics = {"rest": self.fabric, **self.fabrics}
         if mapped:
             fabrics = {name: along_edges(mesh, of) for name, of in fabrics.items()}
         used = {name: fabrics[name] for name in mesh.subdomains or {}}
         ply = Ply(mesh, used or fabrics["rest"], formulation)
-        state = LoadStepper(ply, self.conditions(), steps=1).run().states[-1]
+        state = LoadStepper(ply, self.conditions(), steps=steps).run().states[-1]
         return float(state.reactions["top"][:2] @ self.along), int(ply.basis.N)
 
 

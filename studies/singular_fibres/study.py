@@ -16,6 +16,7 @@ from ..common.tables import (
 from ..study import Part, Row, Study
 from .cases import FORMULATIONS as FORMULATIONS_ON_NETS
 from .cases import Case, chosen, convergence, shapes, specimens
+from .inclusions import Inclusion, inclusions
 from .irregular import (
     FORMULATIONS,
     Curved,
@@ -121,6 +122,21 @@ def curved_table(rows: list[Row]) -> str:
     return markdown_table([*head, "last change of the reference"], lines)
 
 
+def inclusion_table(rows: list[Row]) -> str:
+    """A line for each ply with an inclusion."""
+    lines = [
+        [
+            *(row["kind"], row["unknowns"], f"{row['reference']:.3f}"),
+            percent(row["error"], "+.2f"),
+            f"± {percent(row['half_width'], '.2f')}",
+            percent(row["spread"], "+.2f"),
+        ]
+        for row in rows
+    ]
+    head = ["inclusion", "unknowns", "load, N", "error", "interval"]
+    return markdown_table([*head, "last change of the reference"], lines)
+
+
 def outline_table(rows: list[Row]) -> str:
     """A line for each kind of mesh, and one for invalid outlines."""
     lines: list[list[object]] = []
@@ -160,7 +176,7 @@ def _largest_area_error(rows: list[Row]) -> str:
     return f"{max(abs(row['area_error']) for row in rows):.0e}" if rows else ""
 
 
-class SingularFibres(Study[Case | Irregular | Curved | Drawn]):
+class SingularFibres(Study[Case | Irregular | Curved | Drawn | Inclusion]):
     """Specimens, shapes, convergence, and irregular triangles."""
 
     parts = (
@@ -179,6 +195,12 @@ class SingularFibres(Study[Case | Irregular | Curved | Drawn]):
             {"curved.md": curved_table},
             cases=("curved: *", "fabrics: *"),
         ),
+        Part(
+            "inclusions.csv",
+            {"inclusions.md": inclusion_table},
+            cases=("inclusion *",),
+        ),
+        Part("choosing_inclusions.csv", cases=("choosing *",)),
         Part("finest.csv", cases=("finest: *",)),
         Part("outlines.csv", {"outlines.md": outline_table}, cases=("outline *",)),
     )
@@ -197,16 +219,22 @@ class SingularFibres(Study[Case | Irregular | Curved | Drawn]):
             and (row["formulation"], row["along_edges"])
             == (FORMULATIONS[0].title, True)
         ]
+        included = [row for row in rows if row["case"].startswith("inclusion")]
+        inside = [r for r in included if abs(r["error"]) <= r["half_width"]]
         good = [r for r in plies if abs(r["error"]) < 0.01 and r["unknowns"] <= _MOST]
         return {
             "within_one": f"{sum(e < 0.01 for e in errors)} of {len(random)}",
             "most_unknowns": thousands(max(row["unknowns"] for row in random)),
+            "inclusions_largest": percent(
+                max(abs(row["error"]) for row in included), ".2f"
+            ),
+            "inclusions_inside": f"{len(inside)} of {len(included)}",
             "plies_within_one": f"{len(good)} of {len(plies)}",
         }
 
     def cases(
         self, options: argparse.Namespace
-    ) -> Sequence[Case | Irregular | Curved | Drawn]:
+    ) -> Sequence[Case | Irregular | Curved | Drawn | Inclusion]:
         return [
             *specimens(),
             *shapes(),
@@ -214,6 +242,7 @@ class SingularFibres(Study[Case | Irregular | Curved | Drawn]):
             *chosen(),
             *irregular_triangles(),
             *curved(),
+            *inclusions(),
             *chosen_finest(),
             *drawn(),
         ]

@@ -19,6 +19,7 @@ from skfem_textile.mesh.selection import SINGULAR
 from skfem_textile.outlines import Outline, singular_fibres
 from skfem_textile.outlines.meshing import irregular, mesh_outline
 from skfem_textile.outlines.triangles import triangles
+from skfem_textile.ply.formulations import ON_FIBRES
 
 # Of the random outlines, and numbers of those that take a moment.
 SEED, QUICK = 4711, (4, 16, 19)
@@ -166,6 +167,56 @@ def test_without_the_name_the_same_mesh_is_too_soft(bias, exact):
         {name: named.boundaries[name] for name in ("bottom", "top")}
     )
     assert load(plain, fabric, held, Macro()) < 0.97 * exact
+
+
+def disc(radius=10.0, x=25.0, y=55.0):
+    """Corners of a disc."""
+    at = 2 * np.pi * np.arange(64) / 64
+    return np.stack([x + radius * np.cos(at), y + radius * np.sin(at)])
+
+
+@pytest.mark.parametrize("size", [2.0, 4.0, 8.0])
+def test_tangents_of_a_border_are_edges_up_to_where_they_touch_it(size):
+    ring = disc()
+    touch = ring[:, 8]  # at 45 degrees
+    tangent = touch[:, None] + np.array([[15.0, 0, -15.0], [-15.0, 0, 15.0]])
+    border = np.hstack([ring, ring[:, :1]])
+    shape = shapely.box(0, 0, 50, 110)
+    mesh = triangles(shape, [border, tangent], size, borders=1)
+    x = mesh.points[:, mesh.edges[:, mesh.line == 1]]
+    length = np.hypot(*(x[:, 0] - x[:, 1])).sum()
+    assert length == pytest.approx(30 * np.sqrt(2), rel=1e-6)
+    assert angles(mesh.points, mesh.triangles).min() > 2
+
+
+def test_lines_at_a_small_angle_to_a_border_are_left_out_near_it():
+    border = np.array([[0.0, 100.0], [50.0, 50.0]])
+    line = np.array([[0.0, 100.0], [50.0, 51.2]])
+    mesh = triangles(shapely.box(0, 0, 100, 100), [border, line], 10.0, borders=1)
+    x = mesh.points[:, mesh.edges[:, mesh.line == 1]]
+    assert 35 < x[0].min() < 60
+
+
+@pytest.mark.parametrize(
+    "stiffer, degrees, load", [(400, [45, 135], 22.26), (1, [80, 100], 16.7)]
+)
+def test_load_with_an_inclusion_is_right_on_the_default_mesh(stiffer, degrees, load):
+    """Loads of meshes of 67 000 and 122 000 unknowns.
+
+    Without the tangents they are 8 and 2 % larger.
+    """
+    sides = [[0, 50, 50, 0], [0, 0, 115, 115]]
+    outline = Outline(sides, regions={"disc": disc(10.0, 22.0)})
+    warp, weft = ((np.cos(a), np.sin(a)) for a in np.radians(degrees))
+    ply, inner = (
+        Fabric(1e5, 0.5, (1, 1), (-1, 1)),
+        Fabric(1e5, 0.5 * stiffer, warp, weft),
+    )
+    held = {"fixed": Condition("bottom"), "pulled": Condition("top", (0, 8.0))}
+    mesh = mesh_outline(outline, ply, held, fabrics={"disc": inner})
+    plies = {"rest": ply, "disc": inner}
+    result = LoadStepper(Ply(mesh, plies, ON_FIBRES), held, steps=1).run()
+    assert result.states[-1].reactions["pulled"][1] == pytest.approx(load, rel=0.012)
 
 
 def test_regions_are_subdomains():

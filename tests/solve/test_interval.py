@@ -152,6 +152,15 @@ def test_stiffnesses_other_than_the_calibrated_have_a_larger_range():
     )
 
 
+def test_borders_between_subdomains_have_a_larger_range():
+    mesh = MeshTri().refined(2)
+    usual = Quadratic(70.0).log_range(mesh)
+    everywhere = mesh.with_subdomains({"all": np.arange(mesh.nelements)})
+    assert Quadratic(70.0).log_range(everywhere) == usual
+    patch = mesh.with_subdomains({"patch": lambda x: x[0] < 0.5})
+    assert Quadratic(70.0).log_range(patch) > usual + 1
+
+
 def rectangle_pulled(turn=0.0, mm=1.0, formulation=MACRO):
     """A rectangle, rotated, in other units of length (`mm` units to a millimetre)."""
     c, s = np.cos(turn), np.sin(turn)
