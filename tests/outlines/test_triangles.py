@@ -198,7 +198,7 @@ def test_lines_at_a_small_angle_to_a_border_are_left_out_near_it():
 
 
 @pytest.mark.parametrize(
-    "stiffer, degrees, load", [(400, [45, 135], 22.26), (1, [80, 100], 16.7)]
+    ("stiffer", "degrees", "load"), [(400, [45, 135], 22.26), (1, [80, 100], 16.7)]
 )
 def test_load_with_an_inclusion_is_right_on_the_default_mesh(stiffer, degrees, load):
     """Loads of meshes of 67 000 and 122 000 unknowns.
