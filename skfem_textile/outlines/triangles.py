@@ -24,23 +24,21 @@ from .cells import CORNER, angle, corners_of_rings
 # error of curved fibres on the outline (1e-9).
 _NEAR = 1e-8
 
-# A guard against slivers: lines that run within a distance of others or of an edge, the
-# outline or a border, for more than a multiple of it are left out there: distances
-# relative to the size, and multiples.  They have an angle of less than 10 degrees with
-# another line and 3 degrees with an edge.
+# A guard against slivers: lines that run within a distance of others or of the outline
+# and borders for more than a multiple of it are left out there: distances relative to
+# the size, and multiples, for angles of less than 10 degrees and 3 degrees.
 _BESIDE_LINE, _OF_LINE = (0.2, 0.05, 0.0125), 6.0
 _BESIDE_EDGE, _OF_EDGE = (0.05, 0.0125, 0.003), 20.0
 
-# Length relative to the size above which a tangent is left out beside an edge: of a
-# circle, if its radius is ten times the size, and sides of the mesh turn by 3 degrees.
+# Length of tangents that are left out, relative to the root of this length times the
+# size: beside circular borders of ten sizes, where sides of the mesh turn by 3 degrees.
 _TANGENT = 2.0
 
 # Length relative to the size by which lines end before a part that is left out.
 _TRIMMED = 0.2
 
 # Share of the size below which lines between crossings are collapsed, a guard against
-# slivers.  A line then moves, and its fibres are stretched: at 0.05 a plate with an
-# inclusion is up to 0.6 % stiffer.
+# slivers: a line then moves, and its fibres are stretched.
 _COLLAPSED = 0.01
 
 # Corners are kept if the turn in radians times the shorter side exceeds this share of
@@ -116,8 +114,7 @@ def triangles(
         curve.
     lines
         Polylines within the polygon, shape (2, n).  They may cross and touch.  Where
-        one runs beside an earlier one or the outline, it is left out, unless it is a
-        tangent of a border or of the outline.
+        one runs beside another or the outline, not as a tangent of a border, it is out.
     size
         Length of edges in mm; half of it along curved lines.
     fixed
@@ -224,29 +221,29 @@ def _without_doubles(
     for i, j in sorted(pairs.T.tolist()):
         if j >= i:
             continue
-        edge = left[j] if j <= borders else None
-        of = (_BESIDE_LINE, _OF_LINE) if edge is None else (_BESIDE_EDGE, _OF_EDGE)
+        border = left[j] if 0 < j <= borders else None
+        of = (_BESIDE_EDGE, _OF_EDGE) if j <= borders else (_BESIDE_LINE, _OF_LINE)
         if j not in near:
             shares = [share * size for share in of[0]]
             near[j] = [(left[j].buffer(d, quad_segs=4), of[1] * d) for d in shares]
         for beside, length in near[j]:
-            left[i] = _without(left[i], beside, length, size, edge)
+            left[i] = _without(left[i], beside, length, size, border)
     parts, number = shapely.get_parts(left[1:], return_index=True)
     lengthy = shapely.length(parts) > 0
     return parts[lengthy].tolist(), number[lengthy].tolist()
 
 
-def _without(line: Any, beside: Any, length: float, size: float, edge: Any) -> Any:
+def _without(line: Any, beside: Any, length: float, size: float, border: Any) -> Any:
     """Cut out stretches longer than ``length`` inside ``beside``.
 
-    Stretches that touch an edge between their ends may be longer.
+    Stretches that touch a border between their ends may be longer.
     """
     parts = shapely.get_parts(shapely.intersection(line, beside))
     longest = np.full(len(parts), length)
-    for k, part in enumerate(parts if edge is not None else ()):
+    for k, part in enumerate(parts if border is not None else ()):
         inner = shapely.points(shapely.get_coordinates(part)[1:-1])
-        if shapely.dwithin(inner, edge, _NEAR * size).any():
-            longest[k] = _TANGENT * size
+        if shapely.dwithin(inner, border, _NEAR * size).any():
+            longest[k] = _TANGENT * np.sqrt(length * size)
     long = parts[shapely.length(parts) > longest]
     if not long.size:
         return line

@@ -23,7 +23,7 @@ _JUDGING, _CHOOSING, _NUMBER = 20261201, 7, 12
 _CORNERS = 64
 
 # Elements across √area of the reference meshes, refined once at the singular fibres.
-_FINE = 24, 32
+_FINE = 18, 24
 
 # Load steps.
 _STEPS = 4
