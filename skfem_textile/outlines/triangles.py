@@ -113,8 +113,8 @@ def triangles(
         The polygon.  Its corners are nodes, except where many short sides approximate a
         curve.
     lines
-        Polylines within the polygon, shape (2, n).  They may cross and touch.  Where
-        one runs beside another or the outline, not as a tangent of a border, it is out.
+        Polylines within the polygon, shape (2, n).  They may cross and touch.  Parts
+        beside earlier ones or the outline are left out, except tangents of borders.
     size
         Length of edges in mm; half of it along curved lines.
     fixed
