@@ -197,6 +197,7 @@ def test_lines_at_a_small_angle_to_a_border_are_left_out_near_it():
     assert 35 < x[0].min() < 60
 
 
+@pytest.mark.dear("meshes of 6000 unknowns with many singular fibres")
 @pytest.mark.parametrize(
     ("stiffer", "degrees", "load"), [(400, [45, 135], 22.26), (1, [80, 100], 16.7)]
 )
