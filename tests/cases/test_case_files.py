@@ -103,8 +103,8 @@ def test_the_written_case_has_every_default(tmp_path):
 @pytest.mark.parametrize(
     "scene",
     [
-        *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
-        *("cantilever", "buckling"),
+        *("strip", "picture_frame", "trellis", "bias_extension"),
+        *("simple_shear", "specimen", "cantilever", "buckling"),
     ],
 )
 def test_init_writes_the_defaults_of_a_scene(tmp_path, capsys, scene):
