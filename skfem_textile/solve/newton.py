@@ -361,10 +361,10 @@ class Damped:
 class NearEquilibrium:
     """Updates of the parameters in an iteration near its equilibrium.
 
-    They use the predicted tensions.  Between tools each increment is followed by one,
-    except of the contact forces, which the increment itself determines.  Elsewhere each
-    one requires a tenth of the residual of the previous one, until one changes the
-    energy by less than `SETTLED`, or by more than half of the previous change.
+    Each one requires a tenth of the residual of the previous one, and uses the
+    predicted tensions.  Between tools they continue to the equilibrium, except of the
+    contact forces, which each increment determines itself; elsewhere until one changes
+    the energy by less than `SETTLED`, or by more than half of the previous change.
 
     Parameters
     ----------
@@ -381,13 +381,13 @@ class NearEquilibrium:
         problem, p = self.problem, at.parameters
         if not at.unbalanced(problem) < self._near:
             return at
+        self._near *= NEAR
         after = problem.ply.updated(p, at.u, problem.load_factor, at.tension)
         if after is p:
             return at
         if problem.contacts:
             after = Frozen({**after, **active_set.of_tools(problem, p)})
         else:
-            self._near *= NEAR
             change, last = self._change(at, after), self._damped.change
             if not SETTLED < change <= last / 2:
                 self._near = 0.0

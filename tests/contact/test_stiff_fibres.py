@@ -43,7 +43,7 @@ def test_a_slack_ply_is_formed_and_its_other_states_are_announced():
 
 
 def test_near_the_equilibrium_every_increment_reduces_the_residual():
-    """Increments determine the contact forces, and parameters follow each of them."""
+    """Increments determine the contact forces, which updates leave as they are."""
     scene = hemisphere_forming("aligned", size=(4, 4), travel=20.0)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
     state = Case(scene=scene, fabric=fabric, steps=1).run().states[-1]
