@@ -73,7 +73,7 @@ def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
         reached.append(moved(problem, u, du))
         return reached[-1]
 
-    monkeypatch.setattr(newton, "_WATCHED", 3)
+    monkeypatch.setattr(newton, "_WATCHED", 1)
     monkeypatch.setattr(globalisation.Line, "halved", recorded)
     monkeypatch.setattr(globalisation.Problem, "moved", recorded_move)
     assert slack.__wrapped__(30.0).converged
