@@ -27,8 +27,7 @@ _MOST_SOLVES = 3
 
 # Force of a node that touches or leaves after a solve, relative to the largest
 # unbalanced force before it, up to which the contact nodes are accepted.  An exact set
-# of an inexact increment is of no use: without this, forming a hemisphere takes a
-# quarter more solves, with 0.1 as many.
+# of an inexact increment is of no use: with it, forming takes more solves.
 _ACCEPTED = 0.01
 
 # Shift of a tangent relative to the contact stiffness, with the values of Wächter &

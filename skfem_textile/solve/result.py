@@ -313,10 +313,12 @@ class Result:
 
         ``load_half_width``, relative to the load, and ``shear_angle_error_deg``, a root
         mean square, describe the discretisation error (`error`).  ``error_interval`` is
-        "by the numerical stiffness"; if both are None it begins with "none: " and
-        states the reason.  For a ply on a tool without loads, only the errors of the
-        shear angle are available.  For a ply between tools, the figures of
-        `skfem_textile.contact.formed` follow; `warnings`, if there are any, are last.
+        "by the numerical stiffness", with tools and surfaces "by the numerical
+        stiffness and the contact between nodes"; if both are None it begins with
+        "none: " and states the reason.  For a ply on a tool without loads, only the
+        errors of the shear angle are available.  For a ply between tools, the figures
+        of `skfem_textile.contact.formed` follow; `warnings`, if there are any, are
+        last.
         """
         ply, u, state = self.ply, self.u, self.states[-1]
         verdict, shares, error = state.verdict, state.shares, self.error
