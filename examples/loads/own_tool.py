@@ -7,7 +7,6 @@ to the side of the blank. The results are the shear angle, the fibres on the too
 the flat pattern. The same run is available on the command line.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -74,8 +73,7 @@ plot.fibre_directions(result, filename="fibres.png")
 
 t = np.linspace(0, 2 * np.pi, 180, endpoint=False)
 curve = np.array([80 * np.cos(t), 80 * np.sin(t), 0 * t])
-sheet = drape.Sheet.of_ply(ply, u)
-sheet = replace(sheet, positions=scene.axes.of_tool(sheet.positions))
+sheet = drape.Sheet.of_ply(ply, u, scene.axes)
 pattern = drape.flat_pattern(sheet, curve)
 print(f"cut area: {pattern.area:.0f} mm², cut length: {pattern.length:.0f} mm")
 assert pattern.area > np.pi * 80**2

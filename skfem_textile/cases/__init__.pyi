@@ -5,6 +5,10 @@ from .build import (
     case_from_file as case_from_file,
     case_from_tables as case_from_tables,
 )
+from .finished import (
+    FinishedRun as FinishedRun,
+    read_result as read_result,
+)
 from .read import (
     CaseFile as CaseFile,
     CaseFileError as CaseFileError,

@@ -11,12 +11,20 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from ..declarations.scenes import GRADED, Formed, OnTool, PlaneScene, Specimen
+from ..declarations.scenes import (
+    GRADED,
+    Formed,
+    OnTool,
+    PlaneScene,
+    Specimen,
+    WithTools,
+)
 from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
 from ..mesh.selection import SINGULAR
-from ..mesh.user_input import printable
+from ..mesh.user_input import coords, printable
+from ..outlines.drawings import kind_of_drawing
 from ..ply.formulations import DEFAULT
 from ..ply.loads import BodyForce, Force
 from ..ply.terms import Load
@@ -34,7 +42,6 @@ from .read import (
 from .scenes import Scene as SceneTable
 from .schema import (
     MESH_KINDS,
-    OUTLINES,
     Bending,
     FabricOfFile,
     Loads,
@@ -51,6 +58,7 @@ from .write import tables_of
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
 
+    from ..outlines import Outline
     from ..outlines.fitting import Fitted
     from ..scenes import Scene
 
@@ -239,8 +247,9 @@ def _refuse_contradictions(file: CaseFile) -> None:
                 "them"
             )
     for key in ("part_mesh", "trim"):
-        if getattr(file.output, key) and not issubclass(file.scene.declaration, OnTool):
-            raise ValueError(f"output.{key} requires a scene with a ply on a tool")
+        in_space = issubclass(file.scene.declaration, WithTools)
+        if getattr(file.output, key) and not in_space:
+            raise ValueError(f"output.{key} requires a scene with tools")
     most = file.stepping.most_unknowns
     if file.stepping.tolerance is None and most != Stepping().most_unknowns:
         raise ValueError(
@@ -269,6 +278,9 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     of_grid = {key: value for key, value in of_grid.items() if value is not None}
     if options.source == GRADED:
         built = _graded(file, laws, density)
+    elif options.outline is not None:
+        assert size is not None  # by default of the scene
+        built = _outlined(file, size)
     elif options.source in MESH_KINDS:
         built = scene.build(mesh, **of_grid)
     else:
@@ -311,34 +323,31 @@ def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> 
 
 def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:
     """Refuse keys of the mesh that do not apply to its kind."""
-    source = printable(options.source)
-    if options.source == GRADED:
-        what, suitable = "a graded mesh", {"outline", "density", "unit", "layer"}
-        for key in ("unit", "layer") if options.outline is None else ():
+    source, plane = printable(options.source), issubclass(scene.declaration, PlaneScene)
+    if options.outline is None:
+        for key in ("unit", "layer"):
             if getattr(options, key) is not None:
                 raise ValueError(f"mesh.{key} requires mesh.outline")
-        if not issubclass(scene.declaration, PlaneScene):
+    else:
+        _refuse_keys_beside_outline(scene, options)
+    if options.source == GRADED:
+        what, suitable = "a graded mesh", {"outline", "density", "unit", "layer"}
+        if not plane:
             raise ValueError("mesh.source graded applies to scenes in the plane only")
-        if options.outline is not None and scene.declaration is not Specimen:
-            raise ValueError("mesh.outline applies to the scene specimen only")
-        for side in ("width", "height") if options.outline is not None else ():
-            if scene.values()[side] != getattr(Specimen, side):
-                raise ValueError(
-                    f"scene.{side}_mm does not apply to the outline of a drawing: omit "
-                    "one of them"
-                )
+    elif options.outline is not None:
+        what, suitable = "an outline in space", {"outline", "unit", "layer", "size"}
     elif options.source in MESH_KINDS:
         what = f"the mesh {source}"
         suitable = {"size", "jitter", "seed", "directions", "as_is"}
-    elif Path(options.source).suffix.lower() in OUTLINES:
-        raise ValueError(f"mesh.source {source} is a drawing: name it in mesh.outline")
-    elif Path(options.source).is_file():
-        what, suitable = f"the mesh {source}", {"directions", "as_is"}
-    else:
+    elif not Path(options.source).is_file():
         raise ValueError(
             f"mesh.source {source} is neither an existing file nor one of "
             f"{', '.join(MESH_KINDS)}"
         )
+    elif kind_of_drawing(options.source) is not None:
+        raise ValueError(f"mesh.source {source} is a drawing: name it in mesh.outline")
+    else:
+        what, suitable = f"the mesh {source}", {"directions", "as_is"}
     if options.as_is and not issubclass(scene.declaration, PlaneScene):
         raise ValueError(
             "mesh.as_is applies to scenes in the plane only: in space no mesh is fitted"
@@ -349,6 +358,30 @@ def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:
             raise ValueError(
                 f"mesh.{key} does not apply to {what}: omit it, or set another "
                 "mesh.source"
+            )
+
+
+def _refuse_keys_beside_outline(scene: SceneTable, options: Mesh) -> None:
+    """Refuse keys of a scene and its mesh that contradict an outline."""
+    in_space = issubclass(scene.declaration, WithTools)
+    if not (in_space or scene.declaration is Specimen):
+        raise ValueError(
+            "mesh.outline applies to the scene specimen and to scenes with tools only"
+        )
+    if options.source != scene.declaration.kind:
+        raise ValueError(
+            f"mesh.outline does not apply to the mesh {printable(options.source)}: "
+            "omit one of them"
+        )
+    if getattr(scene, "part", None) == "quarter":
+        raise ValueError(
+            "scene.part quarter does not apply to mesh.outline: use the whole ply"
+        )
+    for side in ("width", "height"):
+        if scene.values()[side] != getattr(scene.declaration, side):
+            raise ValueError(
+                f"scene.{side}_mm does not apply to the outline of a drawing: omit one "
+                "of them"
             )
 
 
@@ -369,23 +402,43 @@ def _refuse_fields(file: CaseFile, scene: "Scene") -> None:
 
 def _graded(file: CaseFile, laws: Fabric, factor: float) -> "Scene":
     """The scene on a mesh along the singular fibres."""
-    from ..outlines import Outline, mesh_outline
+    from ..outlines import mesh_outline
 
-    outline, drawing = None, file.mesh.outline
-    if drawing is None:
+    outline = None
+    if file.mesh.outline is None:
         scene = file.scene.build("irregular", size=(1, 1))
     else:
-        readers = {".dxf": Outline.from_dxf, ".svg": Outline.from_svg}
-        read = readers.get(Path(drawing).suffix.lower())
-        if read is None:
-            raise ValueError(
-                f"{printable(drawing)}: an outline is read from .dxf and .svg files"
-            )
-        outline = read(drawing, unit=file.mesh.unit, layer=file.mesh.layer)
+        outline = _outline(file.mesh)
         scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
     density = file.mesh.density
     assert density is not None  # by default 1
     return scene.graded(laws, factor * density, _loads(file.loads), outline)
+
+
+def _outline(options: Mesh) -> "Outline":
+    """The outline of a file."""
+    from ..outlines import Outline
+
+    assert options.outline is not None
+    return Outline.from_file(options.outline, unit=options.unit, layer=options.layer)
+
+
+def _outlined(file: CaseFile, size: tuple[int, int]) -> "Scene":
+    """A scene in space whose ply has an outline, its middle at the centre."""
+    from ..outlines.meshing import quadrilaterals
+
+    options = file.mesh
+    outline = _outline(options)
+    low, high = outline.polygon.min(axis=1), outline.polygon.max(axis=1)
+    middle = 0.5 * (low + high)
+    mesh = quadrilaterals(outline, size).translated(-middle)
+    if middle.any():
+        log.warning(
+            "%s: the middle of the outline, %s mm, is the centre of the ply",
+            printable(options.outline),
+            coords(middle),
+        )
+    return file.scene.build(mesh, part="whole")
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":

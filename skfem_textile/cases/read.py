@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import msgspec
 from msgspec import Struct
 
-from ..declarations.scenes import GRADED, AnyScene
+from ..declarations.scenes import GRADED, AnyScene, WithTools
 from ..mesh.user_input import excerpt, printable
 from .scenes import SCENES
 from .scenes import AnyScene as SceneTable
@@ -274,12 +274,14 @@ def _with_kind(mesh: Any, scene: type[AnyScene]) -> Any:
     of_grid = {"size": scene.of_grid or scene.size, "jitter": scene.jitter, "seed": 1}
     kind = scene.kind
     if mesh.get("outline") is not None:
-        kind = GRADED
+        kind = kind if issubclass(scene, WithTools) else GRADED
     elif {*of_grid, "directions"} & mesh.keys():
         kind = "irregular"
     mesh = {"source": kind, **mesh}
     if mesh["source"] == GRADED:
         return {"density": 1.0, **mesh}
+    if mesh.get("outline") is not None:
+        return {"size": of_grid["size"], **mesh}
     return {**of_grid, **mesh} if mesh["source"] in MESH_KINDS else mesh
 
 

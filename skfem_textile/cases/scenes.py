@@ -101,13 +101,13 @@ class _OfFiles(Scene):
             from ..scenes.forming import formed_ply
 
             ply = {key: x for key, x in self.values().items() if key in _OF_PLY}
-            return formed_ply("forming", (), mesh, **generated, **ply)
+            return formed_ply("forming", (), mesh, **{**ply, **generated})
         for key in missing:
             of = " of triangles" if key == "tool" else ""
             raise ValueError(f"scene.{key} is missing: name an STL file{of}")
         tools = {key: read_surface(getattr(self, key), self.unit) for key in files}
         return self.implementation()(
-            **{**self.values(), **tools}, mesh=mesh, **generated
+            mesh=mesh, **{**self.values(), **tools, **generated}
         )
 
 

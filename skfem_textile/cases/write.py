@@ -20,7 +20,7 @@ from msgspec import NODEFAULT, Meta, Struct, structs
 
 from .read import CaseFile, with_files
 from .scenes import SCENES
-from .schema import FILE, OUTLINES, Region, named, summary_of
+from .schema import FILE, Region, named, summary_of
 from .tools import AnyTool
 
 #: First line of a case file that a run has written.
@@ -34,8 +34,8 @@ _LAW_ENDINGS = (".csv", ".json")
 # Meshes in these formats, with the whole mesh in one file, are copied.
 _OF_MESH = ("mesh", "tool", "punch", "die", "part_mesh")
 _WHOLE = (
-    *OUTLINES,
-    *(".msh", ".inp", ".vtu", ".vtk", ".stl", ".obj", ".ply", ".3mf", ".off"),
+    *(".dxf", ".svg", ".msh", ".inp", ".vtu", ".vtk"),
+    *(".stl", ".obj", ".ply", ".3mf", ".off"),
 )
 
 #: Files that `WrittenCase.write` may write.
@@ -49,7 +49,7 @@ WRITTEN_FILES = (
     ),
     *(f"{FILES}/fabric{end}" for end in (".json", ".inp", ".rad")),
     *(f"{FILES}/directions{end}" for end in (".vtu", ".csv", ".inp")),
-    *(f"{FILES}/{key}*" for key in ("test_curve", "trim")),
+    *(f"{FILES}/{key}*" for key in ("outline", "test_curve", "trim")),
 )
 
 _UNITS = "# Lengths in mm, forces in N, angles in degrees; keys end with their units."

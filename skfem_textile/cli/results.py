@@ -1,7 +1,7 @@
 """Pictures of a run, and export of fibres and flat patterns of draped plies."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -207,8 +207,7 @@ class DrapeExport:
         """
         if self.part is None and not self.curves:
             return {}
-        on_tool = Sheet.of_ply(result.ply, result.u)
-        sheet = replace(on_tool, positions=axes.of_tool(on_tool.positions))
+        sheet = Sheet.of_ply(result.ply, result.u, axes)
         figures: dict[str, Any] = {}
         for what, write in (("part", self._fibres), ("pattern", self._pattern)):
             try:

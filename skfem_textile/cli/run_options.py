@@ -12,7 +12,7 @@ from ..cases.scenes import SCENES, Scene
 from ..cases.schema import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
 from ..declarations import words
-from ..declarations.scenes import OnTool, Specimen
+from ..declarations.scenes import Specimen, WithTools
 from ..declarations.words import Options, option
 from ..mesh.user_input import printable
 from .options import OUTPUTS, add
@@ -21,7 +21,6 @@ from .output import say
 # Options for common keys, in addition to the keys of the scene.
 _OPTIONS = {
     "mesh": ("mesh.source", "mesh file, or kind of generated mesh"),
-    "outline": ("mesh.outline", "drawing of an outline (.dxf, .svg), for specimen"),
     "density": ("mesh.density", "factor of the number of lines of a graded mesh"),
     "size": (
         "mesh.size",
@@ -48,7 +47,11 @@ _OPTIONS = {
         "CSV file with a test curve, drawn with the curve of the run",
     ),
 }
-_OPTIONS_OF_DRAWINGS = {
+_OPTIONS_OF_OUTLINES = {
+    "outline": (
+        "mesh.outline",
+        "outline of the ply: a drawing (.dxf, .svg), or a table of x and y (.csv)",
+    ),
     "unit": (
         "mesh.unit",
         "unit of length of the drawing (default: the file's, else mm)",
@@ -58,7 +61,7 @@ _OPTIONS_OF_DRAWINGS = {
         "layers of the drawing that are read, or id of elements (default: all)",
     ),
 }
-_OPTIONS_ON_TOOL = {
+_OPTIONS_WITH_TOOLS = {
     "part-mesh": (
         "output.part_mesh",
         "mesh of the part, to whose elements fibre directions are mapped",
@@ -161,8 +164,11 @@ def _add_scene(
                 help_text = meaning(hint) + _default(defaults["scene"].get(key))
                 _add_key(of_scene, flag, f"scene.{key}", hint, help_text)
         of = scene.declaration
-        options = _OPTIONS | (_OPTIONS_ON_TOOL if issubclass(of, OnTool) else {})
-        options |= _OPTIONS_OF_DRAWINGS if of is Specimen else {}
+        with_tools = issubclass(of, WithTools)
+        options = _OPTIONS | (_OPTIONS_WITH_TOOLS if with_tools else {})
+        options |= _OPTIONS_OF_OUTLINES if with_tools or of is Specimen else {}
+        if with_tools:  # the unit of tools is another one
+            options["outline-unit"] = options.pop("unit")
         group = parser.add_argument_group("mesh, laws, elements and load steps")
         for flag, (path, about) in options.items():
             table, key = path.split(".")

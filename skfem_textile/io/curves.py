@@ -7,9 +7,8 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from ..fabric.laws.tabulated import HEADING, read_lines, with_decimal_points
-from ..mesh.user_input import IN_MM, excerpt, number_of_text, printable
-from .file_numbers import errors_about
+from ..mesh.user_input import printable
+from ..outlines.drawings.table import points_of_table
 
 # Distance in mm between a curve of a DXF file and its chords, as of an outline.
 _TOLERANCE = 0.01
@@ -44,93 +43,16 @@ def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
         If it cannot be read.
     """
     what = printable(Path(path))
-    points = _of_dxf(path) if Path(path).suffix.lower() == ".dxf" else _of_table(path)
+    if Path(path).suffix.lower() == ".dxf":
+        points = _of_dxf(path)
+    else:
+        points, _ = points_of_table(path, "xyz")
     if (n := len(np.unique(points, axis=0))) < least:
         raise ValueError(
             f"{what}: the curve has {n} different points, but at least {least} are "
             "required"
         )
     return points.T
-
-
-def _of_table(path: str | os.PathLike[str]) -> ndarray:
-    """Points in a table in mm, shape (n, 3)."""
-    file, lines = read_lines(path)
-    first = lines[0][1]
-    is_heading = first[0].lstrip().startswith("#")
-    first[0] = first[0].lstrip().removeprefix("#")
-    words = ",".join(lines[0][1]).split()
-    if len(lines[0][1]) == 1 or (len(words) == 3 and all(map(_is_number, words))):
-        lines = _split_at_spaces(file, lines)
-    columns, scale, (number, head) = [0, 1, 2], np.ones(3), lines[0]
-    if len(head) == 3 and all(map(_is_number, head)) and not is_heading:
-        lines[0] = number, [cell.replace(",", ".") for cell in head]
-    else:
-        columns, scale = _columns(file, head)
-        del lines[0]
-    points = []
-    for number, row in lines:
-        try:
-            points.append([number_of_text(row[column]) for column in columns])
-            if not np.isfinite(points[-1]).all():
-                raise ValueError
-        except (ValueError, IndexError):
-            shown = excerpt(",".join(row))
-            raise ValueError(
-                f"{file}, row {number}: expected three finite coordinates, got "
-                f"'{shown}'"
-            ) from None
-    return scale * np.reshape(points, (-1, 3))
-
-
-def _split_at_spaces(
-    file: str, lines: list[tuple[int, list[str]]]
-) -> list[tuple[int, list[str]]]:
-    """Rows with spaces between the columns, numbers with decimal points."""
-    (first, head), *others = [(k, ",".join(row).split()) for k, row in lines]
-    if not all(map(_is_number, head := _joined_units(head))):
-        _columns(file, head)
-    with errors_about(file):
-        return [(first, head), *with_decimal_points(others)]
-
-
-def _joined_units(words: list[str]) -> list[str]:
-    """Headings of a row of words, of which those in brackets are units."""
-    joined: list[str] = []
-    for word in words:
-        if joined and word[0] in "([":
-            joined[-1] += f" {word}"
-        else:
-            joined.append(word)
-    return joined
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        number_of_text(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
-
-
-def _columns(file: str, header: list[str]) -> tuple[list[int], ndarray]:
-    """Columns of x, y and z, and their units in mm."""
-    found = [HEADING.fullmatch(cell) for cell in header]
-    names = [
-        (one[1] if one else cell).strip().lower()
-        for one, cell in zip(found, header, strict=True)
-    ]
-    if any(names.count(axis) != 1 for axis in "xyz"):
-        raise ValueError(f"{file}, row 1: the header must name the columns x, y and z")
-    columns = [names.index(axis) for axis in "xyz"]
-    units = [one[2].lower() if (one := found[column]) else "mm" for column in columns]
-    for unit in units:
-        if unit not in IN_MM:
-            raise ValueError(
-                f"{file}, row 1: the unit must be one of {', '.join(IN_MM)}, got "
-                f"'{excerpt(unit)}'"
-            )
-    return columns, np.array([IN_MM[unit] for unit in units])
 
 
 def _of_dxf(path: str | os.PathLike[str]) -> ndarray:

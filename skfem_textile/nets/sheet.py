@@ -14,6 +14,7 @@ from ..mesh.graph import boundary_edges
 from ..mesh.user_input import real_numbers
 from ..ply import Ply
 from ..surfaces.analytic import positive_length
+from ..surfaces.surface import SAME_AXES, Axes
 from ..surfaces.tool_mesh import (
     Elements,
     ElementTree,
@@ -97,8 +98,17 @@ class Sheet:
     weft: ndarray
 
     @classmethod
-    def of_ply(cls, ply: Ply, u: ndarray) -> "Sheet":
+    def of_ply(cls, ply: Ply, u: ndarray, axes: Axes = SAME_AXES) -> "Sheet":
         """Sheet of a ply in space after a displacement.
+
+        Parameters
+        ----------
+        ply
+            The ply.
+        u
+            Displacement.
+        axes
+            Axes of the ply in the coordinates of the sheet.
 
         Raises
         ------
@@ -112,7 +122,7 @@ class Sheet:
             )
         mesh = ply.mesh
         flat, moved = mesh.p, moved[:, : mesh.nvertices]
-        positions = np.pad(flat, ((0, 1), (0, 0))) + moved
+        positions = axes.of_tool(np.pad(flat, ((0, 1), (0, 0))) + moved)
         shape = 2, mesh.nelements
         warp, weft = (
             np.broadcast_to(A[..., 0], shape) for A in ply.directions(ply.centre)

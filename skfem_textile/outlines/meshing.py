@@ -16,6 +16,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 from ..fabric import Fabric, unit_vectors
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import SINGULAR, edge_numbers, with_named_nodes
+from ..mesh.splitting import split_cells
 from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
 from .cells import cross
@@ -23,7 +24,7 @@ from .fibres import SingularFibre, SingularFibres, singular_fibres
 from .net import Lines, cut_cells, even, graded, net
 from .outline import REST, Outline, by_ring
 from .rings import NEAR
-from .triangles import triangles
+from .triangles import refuse_narrow_gaps, squares, triangles
 
 log = logging.getLogger(__name__)
 
@@ -227,6 +228,52 @@ def irregular(
         if rest.any():
             subdomains.setdefault(REST, np.flatnonzero(rest))
     return with_names(mesh, boundaries, subdomains or None)
+
+
+def quadrilaterals(outline: Outline, size: tuple[int, int]) -> Mesh:
+    """Equal quadrilaterals inside an outline, and others between them and its sides.
+
+    Parameters
+    ----------
+    outline
+        The outline.
+    size
+        Number of quadrilaterals along x and y over its bounding box, before they are
+        split.
+
+    Returns
+    -------
+    Mesh
+        A `skfem.MeshQuad` with the names of the edges and points of the outline.  It is
+        a `SplitMesh` of quadrilaterals and triangles, unless the outline is a rectangle
+        along the axes.
+
+    Raises
+    ------
+    ValueError
+        If the outline has regions, a size is not positive, or there would be too many
+        elements.
+
+    Examples
+    --------
+    >>> rhombus = Outline([[0, 40, 0, -40], [-30, 0, 30, 0]])
+    >>> quadrilaterals(rhombus, (4, 3)).nelements
+    54
+    """
+    if outline.regions:
+        raise ValueError("meshes of quadrilaterals have no regions: use mesh_outline")
+    if min(size) < 1:
+        raise ValueError(f"the mesh requires at least 1x1 elements, got {size}")
+    if size[0] * size[1] > _MOST:
+        raise ValueError(f"the size {size[0]}x{size[1]} is too large: choose less")
+    side = np.ptp(outline.polygon, axis=1)[:, None] / np.array([size]).T
+    fixed = np.reshape([*_ends_of_names(outline), *outline.points.values()], (-1, 2)).T
+    refuse_narrow_gaps(outline.shape(), float(side.max()))
+    shape = shapely.transform(outline.shape(), lambda x: x / side.T)
+    p, t, quads = squares(shape, fixed / side)
+    p = _exact(np.ascontiguousarray(p * side), outline, [])
+    mesh = split_cells(p, (t, quads)) if t.size else MeshQuad(p, quads)
+    return _named(mesh, outline, [])
 
 
 def _ends_of_names(outline: Outline) -> list[ndarray]:

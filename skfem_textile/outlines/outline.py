@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -13,6 +14,7 @@ from skfem import Mesh
 
 from ..mesh.selection import named_nodes
 from ..mesh.user_input import coords, printable, real_numbers
+from .drawings import kind_of_drawing
 from .rings import (
     NEAR,
     Ring,
@@ -21,6 +23,9 @@ from .rings import (
     rings_of_segments,
     valid_ring,
 )
+
+# Names of tables of curves.
+_TABLES = ".csv", ".txt", ".dat"
 
 #: Name of the elements of a mesh outside of the regions of its outline.
 REST = "rest"
@@ -344,6 +349,57 @@ class Outline:
 
         curves = curves_of_svg(path, tolerance, unit, layer)
         return cls._of_rings(rings_of_curves(curves, printable(path), tolerance), more)
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | os.PathLike[str],
+        tolerance: float = 0.01,
+        unit: str | None = None,
+        layer: str | Sequence[str] | None = None,
+        **more: Any,
+    ) -> Self:
+        """Outline of a DXF or SVG file, or of a table of closed curves.
+
+        Files are told apart by what they contain.  A table has the columns ``x`` and
+        ``y``, possibly with units as ``x (cm)``, and ``curve`` if there are holes, as
+        the files ``pattern.csv`` of `skfem_textile.io.write_pattern`.
+
+        Parameters
+        ----------
+        path, tolerance, unit, layer, more
+            See `from_dxf` and `from_svg`; a table has no layers.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If it is a DXF file and ezdxf is not installed.
+        ValueError
+            If the file cannot be read, or its curves do not form one outline.
+        OSError
+            If it cannot be opened.
+
+        Examples
+        --------
+        >>> rows = "x (cm),y (cm)", "0,0", "20,0", "0,10"
+        >>> _ = Path("ply.csv").write_text(chr(10).join(rows))
+        >>> float(Outline.from_file("ply.csv").shape().area)  # mm2
+        10000.0
+        """
+        kind, what = kind_of_drawing(path), printable(path)
+        if kind is not None:
+            read = {"dxf": cls.from_dxf, "svg": cls.from_svg}[kind]
+            return read(path, tolerance, unit, layer, **more)
+        if Path(path).suffix.lower() not in _TABLES:
+            raise ValueError(
+                f"{what}: an outline is read from .dxf, .svg and .csv files"
+            )
+        if layer is not None:
+            raise ValueError(f"{what} is a table, which has no layers: omit them")
+        from .drawings.table import curves_of_table
+
+        curves = curves_of_table(path, unit)
+        return cls._of_rings(rings_of_curves(curves, what, tolerance), more)
 
     @classmethod
     def _of_rings(cls, rings: Sequence[Ring], more: Mapping[str, Any]) -> Self:

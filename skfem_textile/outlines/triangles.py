@@ -53,6 +53,9 @@ _SIDE = 0.5
 # in practice it ends up to 33.
 _AIM = 25.0
 
+# The same between squares, whose corners do not move: below Ruppert's bound.
+_AIM_BESIDE_SQUARES = 20.0
+
 # Circumradius of a triangle relative to the size above which it is divided; 0.577 for
 # an equilateral triangle of this size.
 _LARGEST = 0.8
@@ -136,20 +139,77 @@ def triangles(
     >>> mesh.points.shape[1] < 180, bool((mesh.line == 0).sum() >= 11)
     (True, True)
     """
-    across = float(np.sqrt(shape.area)) / size
-    if (n := across * across) > _MOST:
+    points = np.empty((2, 0)) if fixed is None else fixed
+    kept = _without_doubles(shape, lines, size, borders)
+    return _Refinement(*_sides(shape, *kept, size, points), size, turn).run()
+
+
+def _sides(
+    shape: shapely.Polygon,
+    lines: list[shapely.LineString],
+    number_of_line: list[int],
+    size: float,
+    fixed: ndarray,
+) -> tuple[ndarray, "_Segments"]:
+    """Nodes and segments of the sides of a polygon and of lines in it."""
+    if (n := shape.area / size**2) > _MOST:
         raise ValueError(
             f"the size {size:g} mm would give about {2.3 * n:.1g} triangles: choose a "
             "larger one"
         )
-    _refuse_narrow_gaps(shape, size)
-    points = np.empty((2, 0)) if fixed is None else fixed
-    points = np.hstack([points, _corners(shape, _SIDE * size)])
-    chains = _chains(
-        shape, *_without_doubles(shape, lines, size, borders), size, points
+    refuse_narrow_gaps(shape, size)
+    points = np.hstack([fixed, _corners(shape, _SIDE * size)])
+    return _divided(*_chains(shape, lines, number_of_line, size, points), size)
+
+
+def squares(shape: shapely.Polygon, fixed: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """Unit squares in a polygon with holes, and triangles between them and its sides.
+
+    Parameters
+    ----------
+    shape
+        The polygon, in units of the side of the squares; their corners are at whole
+        distances from the lower left corner of its bounding box.
+    fixed
+        Points that become nodes, on the outline or inside, shape (2, n).
+
+    Returns
+    -------
+    points
+        Nodes, shape (2, n).
+    triangles, quadrilaterals
+        Node numbers, anticlockwise, shapes (3, n) and (4, n).
+
+    Raises
+    ------
+    ValueError
+        See `triangles`.
+
+    Examples
+    --------
+    >>> p, triangles, quads = squares(shapely.box(0, 0, 4, 2.5), np.empty((2, 0)))
+    >>> p.shape[1], triangles.shape[1], quads.shape[1]
+    (19, 18, 2)
+    """
+    x0, y0, x1, y1 = shape.bounds
+    rows = np.meshgrid(np.arange(x0, x1), np.arange(y0, y1))
+    corners = np.reshape(rows, (2, -1)).T
+    sides = _sides(shape, [], [], 1.0, fixed)
+    p, t, *_ = _Refinement(*sides, 1.0, corners=corners).run()
+    at = p - [[x0], [y0]]
+    cell = np.floor(at[:, t].mean(axis=1))
+    corner = at[:, t] - cell[:, None]  # (2, 3, n)
+    in_cell = (np.abs(np.abs(corner - 0.5) - 0.5) < _NEAR).all(axis=(0, 1))
+    _, number, count = np.unique(
+        cell[:, in_cell], axis=1, return_inverse=True, return_counts=True
     )
-    p, segments = _divided(*chains, size)
-    return _Refinement(p, segments, size, turn).run()
+    half = count[number.ravel()] == 2
+    of_cell = np.unique(number.ravel()[half], return_inverse=True)[1]
+    chosen = np.flatnonzero(in_cell)[half]
+    x, y = np.rint(corner[:, :, chosen]).astype(int)
+    quads = np.empty((4, len(chosen) // 2), dtype=int)
+    quads[np.where(y, 3 - x, x), of_cell] = t[:, chosen]
+    return p, np.delete(t, chosen, axis=1), quads
 
 
 # Largest area over size².
@@ -160,7 +220,7 @@ _MOST = 1e6
 _NARROWEST = 1e-3
 
 
-def _refuse_narrow_gaps(shape: shapely.Polygon, size: float) -> None:
+def refuse_narrow_gaps(shape: shapely.Polygon, size: float) -> None:
     """Refuse holes that are close to each other or to the outline."""
     rings = np.array([shape.exterior, *shape.interiors], dtype=object)
     for i, j in shapely.STRtree(rings).query(rings, "dwithin", _NARROWEST * size).T:
@@ -460,15 +520,21 @@ class _Refinement:
     """Nodes and segments during the refinement.
 
     Nodes of segments come first; ``chain`` of a node is the chain of its segments, −1
-    for ends of chains, −2 for free nodes.
+    for ends of chains, −2 for free nodes, −3 for corners of squares, which stay.
     """
 
     def __init__(
-        self, p: ndarray, segments: _Segments, size: float, turn: float
+        self,
+        p: ndarray,
+        segments: _Segments,
+        size: float,
+        turn: float = 0.0,
+        corners: ndarray | None = None,
     ) -> None:
         self._p, self._size, self._of = p, size, segments
         self._s, self._chain_of_s = segments.ends, segments.chain
         self._line = segments.line
+        self._aim = _AIM if corners is None else _AIM_BESIDE_SQUARES
         self._acute = np.zeros(len(p), dtype=bool)
         self._acute[: len(segments.acute)] = segments.acute
         self._chain = np.full(len(p), -1)
@@ -481,7 +547,11 @@ class _Refinement:
         if self._shape.is_empty:
             raise ValueError("the lines of the outline do not close")
         shapely.prepare(self._shape)
-        self._add_lattice(turn)
+        if corners is None:
+            self._add_lattice(turn)
+        else:
+            self._add(corners[shapely.contains_xy(self._shape, *corners.T)], -3)
+        self._drop_close(_CLEARANCE)
 
     def run(self) -> Triangulation:
         """Smooth and refine."""
@@ -512,7 +582,6 @@ class _Refinement:
         x += self._size * 1e-3 * np.exp(1j * np.arange(len(x)) ** 2)
         q = np.stack([x.real + (x0 + x1) / 2, x.imag + (y0 + y1) / 2], axis=1)
         self._add(q[shapely.contains_xy(self._shape, *q.T)], -2)
-        self._drop_close(_CLEARANCE)
 
     def _add(self, q: ndarray, chain: ndarray | int) -> None:
         self._p = np.concatenate([self._p, q])
@@ -521,7 +590,7 @@ class _Refinement:
 
     def _drop_close(self, share: float) -> None:
         """Remove free nodes outside, or closer to segments than a share of these."""
-        free = np.flatnonzero(self._chain == -2)
+        free = np.flatnonzero(self._chain <= -2)
         q = shapely.points(self._p[free])
         sides = self._p[self._s]
         length = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1)
@@ -620,7 +689,7 @@ class _Refinement:
         twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
         radius = side.prod(axis=1) / (2 * twice)
         angle = np.degrees(np.arcsin(np.clip(shortest / (2 * radius), 0, 1)))
-        poor = (angle < _AIM) & (shortest > _FINEST * self._size)
+        poor = (angle < self._aim) & (shortest > _FINEST * self._size)
         poor[poor] = ~self._between_circles(t[poor], side[poor])
         poor |= radius > _LARGEST * self._size
         if not poor.any():

@@ -243,7 +243,7 @@ def test_what_cannot_be_meshed_is_refused(call, message):
 
 
 CASES = [
-    ("strip", {}, "mesh.outline applies to the scene specimen only"),
+    ("strip", {}, "mesh.outline applies to the scene specimen and to"),
     ("specimen", {"size": [3, 4]}, "mesh.size does not apply to a graded mesh"),
     ("specimen", {"source": "aligned"}, "mesh.outline does not apply to the mesh"),
     ("specimen", {"layer": ["cut"]}, "no visible lines on the layer 'cut'"),
@@ -292,7 +292,10 @@ def test_files_that_are_no_drawings_in_mm_are_refused(tmp_path):
     other.write_bytes(b"AC1032")
     for mesh, message in (
         ({"outline": str(metres)}, "in metres"),
-        ({"outline": str(other)}, r"ply\.dwg: an outline is read from \.dxf and"),
+        (
+            {"outline": str(other)},
+            r"ply\.dwg: an outline is read from \.dxf, \.svg and",
+        ),
         ({"source": str(metres)}, r"is a drawing: name it in mesh\.outline"),
     ):
         refused(lambda mesh=mesh: case(mesh=mesh), message)

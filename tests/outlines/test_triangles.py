@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import shapely
-from skfem import MeshTri
+from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
     Condition,
@@ -17,7 +17,7 @@ from skfem_textile import (
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.mesh.selection import SINGULAR
 from skfem_textile.outlines import Outline, singular_fibres
-from skfem_textile.outlines.meshing import irregular, mesh_outline
+from skfem_textile.outlines.meshing import irregular, mesh_outline, quadrilaterals
 from skfem_textile.outlines.triangles import triangles
 from skfem_textile.ply.formulations import ON_FIBRES
 
@@ -276,3 +276,39 @@ def test_curved_fibres_do_not_lock():
     fine = force(69 / 12, Quadratic(400))
     assert force(69 / 6, Quadratic(400)) == pytest.approx(fine, rel=0.015)
     assert force(69 / 6, Quadratic()) > 1.1 * fine
+
+
+@pytest.mark.parametrize("seed", QUICK)
+def test_quadrilaterals_fill_an_outline(seed):
+    """Equal area and names, good angles, and squares away from the sides."""
+    outline, *_ = random_case(seed)
+    mesh = quadrilaterals(outline, (14, 11))
+    check_mesh(mesh)
+    assert mesh.param() < 0.5 * outline.size
+    triangles, squares = mesh.cells
+    area = np.abs(mesh.mapping().detDF(np.full((2, 1), 0.5))).sum()
+    assert area == pytest.approx(outline.shape().area, rel=0.02)  # chords of holes
+    assert angles(mesh.p, triangles).min() > 8
+    side = (np.ptp(outline.polygon, axis=1) / (14, 11))[:, None, None]
+    assert np.allclose(np.ptp(mesh.p[:, squares], axis=1), side[:, 0])
+    middle = mesh.p[:, mesh.facets[:, mesh.boundaries["fixed"]]].mean(axis=1)
+    fixed = shapely.LineString([*outline.edges()[0][:, :2].T])
+    assert shapely.distance(fixed, shapely.points(middle.T)).max() < 1e-6
+    assert {"fixed", "pulled"} <= set(mesh.boundaries)
+
+
+def test_quadrilaterals_of_a_rectangle_are_those_of_its_grid():
+    mesh = quadrilaterals(Outline([[0, 60, 60, 0], [5, 5, 45, 45]]), (6, 5))
+    assert type(mesh) is MeshQuad
+    assert (mesh.nelements, mesh.nvertices) == (30, 42)
+    assert np.ptp(mesh.p[:, mesh.t], axis=1) == pytest.approx(
+        np.tile([[10.0], [8.0]], 30)
+    )
+
+
+@pytest.mark.parametrize(
+    ("size", "message"), [((0, 4), "at least 1x1"), ((4000, 4000), "choose less")]
+)
+def test_a_number_of_quadrilaterals_is_refused(size, message):
+    with pytest.raises(ValueError, match=message):
+        quadrilaterals(Outline([[0, 60, 60, 0], [5, 5, 45, 45]]), size)

@@ -1,0 +1,148 @@
+"""Results of finished runs, read from their folders."""
+
+import json
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+from meshio import ReadError
+from numpy import ndarray
+
+from ..mesh.user_input import printable
+from ..nets.sheet import Sheet
+from ..ply import Ply
+from ..scenes.scene import Case
+from .build import case_from_file
+from .write import CASE, WRITTEN
+
+# A state in the list of a .pvd file.
+_STEP = re.compile(r'timestep="([^"]+)" file="([^"]+)"')
+
+# Distance relative to the ply below which nodes of files are those of its mesh: above
+# the rounding of positions that were moved and rotated.
+_SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """Last state of a run, from the files in its folder.
+
+    Attributes
+    ----------
+    case
+        The case of the run.
+    ply
+        The ply at rest.
+    u
+        Displacement of the last state.
+    load_factor
+        Its load factor.
+    summary
+        The content of ``summary.json``.
+    """
+
+    case: Case
+    ply: Ply
+    u: ndarray
+    load_factor: float
+    summary: dict[str, Any]
+
+    def sheet(self) -> Sheet:
+        """The ply in the axes of its tools, for maps to a part and flat patterns.
+
+        Raises
+        ------
+        ValueError
+            If the ply is not in space.
+        """
+        return Sheet.of_ply(self.ply, self.u, self.case.scene.axes)
+
+
+def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
+    """Read the last state of a run from its results folder, without computing it again.
+
+    Forces and fields stay in the files of the folder.
+
+    Parameters
+    ----------
+    folder
+        Folder that ``skfem-textile run`` has written.
+
+    Raises
+    ------
+    ValueError
+        If a file is missing, damaged or of another run, or if the elements have nodes
+        that the files do not contain, as quadratic elements do; one line names it.
+    OSError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> from skfem_textile.cli.main import main
+    >>> main("run hemisphere --size 4x4 --no-render --out formed".split())
+    ... # doctest: +ELLIPSIS
+    Note ...
+    0
+    >>> finished = read_result("formed")
+    >>> finished.sheet().positions.shape
+    (3, 81)
+    """
+    folder = Path(folder)
+    text = _content(folder / CASE)
+    if not text.startswith(WRITTEN):
+        raise ValueError(f"{printable(folder / CASE)} was not written by a run")
+    case, file, load_factor = case_from_file(folder / CASE), *_last(folder / "fields")
+    try:
+        summary = json.loads(_content(folder / "summary.json"))
+    except json.JSONDecodeError as error:
+        raise ValueError(
+            f"{printable(folder / 'summary.json')}: damaged: {error}"
+        ) from None
+    ply = case.ply()
+    X, moves = _displacement(file)
+    axes, mesh = case.scene.axes, ply.mesh
+    flat = axes.of_tool(np.pad(mesh.p, ((0, 1), (0, 0))))
+    if X.shape != flat.shape or np.abs(X - flat).max() > _SAME * np.ptp(flat):
+        raise ValueError(
+            f"{printable(file)} does not belong to the case in {printable(folder)}: "
+            "run the case again"
+        )
+    if ply.nodes.shape != mesh.p.shape:
+        raise ValueError(
+            f"{printable(folder)}: the files have no values at the mid-side nodes of "
+            "quadratic elements: run the case again with --checkpoint and --resume"
+        )
+    moves = (axes.turn.T @ moves)[: 3 if case.scene.dimension == 3 else 2]
+    return FinishedRun(case, ply, moves.T.ravel(), load_factor, summary)
+
+
+def _content(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ValueError(
+            f"{printable(file)} is missing: name the results folder of a run"
+        ) from None
+
+
+def _last(folder: Path) -> tuple[Path, float]:
+    """File of the last state, and its load factor."""
+    series = folder / "steps.pvd"
+    listed = _STEP.findall(_content(series))
+    if not listed:
+        raise ValueError(f"{printable(series)} lists no states: run the case again")
+    load_factor, name = listed[-1]
+    return folder / name, float(load_factor)
+
+
+def _displacement(file: Path) -> tuple[ndarray, ndarray]:
+    """Nodes of the ply at rest and their displacements, shape (3, n)."""
+    try:
+        grid = meshio.read(file)
+        return grid.points.T, np.transpose(grid.point_data["displacement"])
+    except (ReadError, LookupError, ValueError, OSError) as error:
+        raise ValueError(f"{printable(file)} cannot be read: {error}") from None
