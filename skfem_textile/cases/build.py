@@ -246,10 +246,15 @@ def _refuse_contradictions(file: CaseFile) -> None:
                 f"{key} applies to the whole ply, but regions are given: omit one of "
                 "them"
             )
-    for key in ("part_mesh", "trim"):
+    for key in ("part_mesh", "trim", "pattern"):
         in_space = issubclass(file.scene.declaration, WithTools)
         if getattr(file.output, key) and not in_space:
             raise ValueError(f"output.{key} requires a scene with tools")
+    if file.output.part_mesh is None:
+        if file.output.part_reach_mm is not None:
+            raise ValueError("output.part_reach_mm requires output.part_mesh")
+        if file.output.pattern is not None and file.output.trim is None:
+            raise ValueError("output.pattern requires output.part_mesh or output.trim")
     most = file.stepping.most_unknowns
     if file.stepping.tolerance is None and most != Stepping().most_unknowns:
         raise ValueError(
@@ -279,8 +284,7 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     if options.source == GRADED:
         built = _graded(file, laws, density)
     elif options.outline is not None:
-        assert size is not None  # by default of the scene
-        built = _outlined(file, size)
+        built = _outlined(file, density)
     elif options.source in MESH_KINDS:
         built = scene.build(mesh, **of_grid)
     else:
@@ -423,15 +427,17 @@ def _outline(options: Mesh) -> "Outline":
     return Outline.from_file(options.outline, unit=options.unit, layer=options.layer)
 
 
-def _outlined(file: CaseFile, size: tuple[int, int]) -> "Scene":
+def _outlined(file: CaseFile, density: float) -> "Scene":
     """A scene in space whose ply has an outline, its middle at the centre."""
     from ..outlines.meshing import quadrilaterals
 
     options = file.mesh
     outline = _outline(options)
     low, high = outline.polygon.min(axis=1), outline.polygon.max(axis=1)
+    assert options.size is not None  # by default of the scene
+    across, along = (round(density * n) for n in options.size)
     middle = 0.5 * (low + high)
-    mesh = quadrilaterals(outline, size).translated(-middle)
+    mesh = quadrilaterals(outline, (across, along)).translated(-middle)
     if middle.any():
         log.warning(
             "%s: the middle of the outline, %s mm, is the centre of the ply",

@@ -142,7 +142,7 @@ def _last(folder: Path) -> tuple[Path, float]:
 def _displacement(file: Path) -> tuple[ndarray, ndarray]:
     """Nodes of the ply at rest and their displacements, shape (3, n)."""
     try:
-        grid = meshio.read(file)
+        grid = meshio.vtu.read(file)
         return grid.points.T, np.transpose(grid.point_data["displacement"])
-    except (ReadError, LookupError, ValueError, OSError) as error:
+    except (ReadError, SyntaxError, LookupError, ValueError, OSError) as error:
         raise ValueError(f"{printable(file)} cannot be read: {error}") from None

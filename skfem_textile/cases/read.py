@@ -145,17 +145,17 @@ def declared(
             raise ValueError(
                 f"tools must be an array of tables, [[tools]], not {_quoted(tools)}"
             )
-        case = _converted(
+        case = converted(
             "", {**_with_defaults(tables, scene), "tools": (), "regions": {}}, CaseFile
         )
         case = msgspec.structs.replace(
             case,
             tools=tuple(
-                _converted(name_of_tool(number), tool, AnyTool)
+                converted(name_of_tool(number), tool, AnyTool)
                 for number, tool in enumerate(tools, 1)
             ),
             regions={
-                name: _converted(
+                name: converted(
                     f"regions.{printable(name)}",
                     _laws_nested(region, Region, scene),
                     Region,
@@ -351,7 +351,7 @@ def _keys_beside_law(kind: type[Struct]) -> set[str]:
 # ------------------------------------------------------------------------------ checks
 
 
-def _converted(where: str, value: Any, kind: Any) -> Any:
+def converted(where: str, value: Any, kind: Any) -> Any:
     """Validated table; an error names the path of the key."""
     try:
         return msgspec.convert(value, kind)

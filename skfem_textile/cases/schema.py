@@ -596,6 +596,11 @@ class Stepping(Table):
     ] = "auto"
 
 
+#: Kinds of files of flat patterns.
+PatternKind: TypeAlias = Literal["csv", "svg", "dxf"]
+PATTERN_KINDS: tuple[str, ...] = get_args(PatternKind)
+
+
 class Output(Table):
     """Files in addition to the results of a run."""
 
@@ -610,11 +615,26 @@ class Output(Table):
         about("mesh of the part, to whose elements the fibre directions are mapped"),
         FILE,
     ] = None
-    trim: Annotated[
-        str | None,
+    part_reach_mm: Annotated[
+        Annotated[float, Meta(gt=0)] | None,
         about(
-            "table with columns x, y and z, or DXF file, of a closed curve that trims "
-            "the flat pattern (default: the boundary of the part)"
+            "largest distance between the centre of an element of the part and the ply "
+            "on it (default: a quarter of the longest edge of both)"
+        ),
+    ] = None
+    trim: Annotated[
+        tuple[str, ...] | str | None,
+        about(
+            "tables with columns x, y and z, or DXF files, of closed curves that trim "
+            "the flat pattern: the outline, then holes (default: the boundary of the "
+            "part)"
         ),
         FILE,
+    ] = None
+    pattern: Annotated[
+        tuple[PatternKind, ...] | None,
+        about(
+            "kinds of files of the flat pattern: csv, svg, dxf (default: all that can "
+            "be written)"
+        ),
     ] = None

@@ -57,6 +57,11 @@ COMMANDS = {
         "run",
         "report",
     ),
+    "export": Command(
+        "map the fibres of a finished run to the mesh of the part, and write its flat "
+        "pattern",
+        "export",
+    ),
     "net": Command(
         "lay a kinematic net on a tool: shear angles, fibres and flat pattern",
         "net",
@@ -178,6 +183,10 @@ def _add_options(
         from .run_options import add_run
 
         add_run(parser, named)
+    elif command == "export":
+        from .run_options import add_export
+
+        add_export(parser)
     elif command == "fit":
         from .options import add_fit
 

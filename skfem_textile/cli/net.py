@@ -21,6 +21,7 @@ from ..nets.part import first_layer
 from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
 from ..scenes.drape import contact_point
 from ..surfaces.triangle_mesh import TriangleMesh
+from .export import PATTERN, write_patterns
 from .interruption import held
 from .net_report import (
     Cells,
@@ -34,7 +35,6 @@ from .net_report import (
 from .output import STOPPED_EARLY, complain, say
 from .page import rows, say_rows, sources, write_page
 from .result_folder import ResultFolder
-from .results import PATTERN, write_patterns
 
 # Files of the command.
 _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")

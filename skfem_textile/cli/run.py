@@ -18,6 +18,7 @@ from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, table
 from ..declarations.words import is_case_file
 from ..mesh.progress import log_to_stderr, shown
 from ..mesh.user_input import printable
+from ..nets.sheet import Sheet
 from ..scenes.scene import Case
 from ..solve.interval import ErrorInterval
 from ..solve.quantities import first_rows
@@ -26,12 +27,13 @@ from ..solve.stepper import LoadStepper
 from ..solve.tolerance import ToleranceStepper
 from . import results
 from .curve import CURVE, Curve, curve_of, read_test_curve, write_curve
+from .export import PartExport
 from .interruption import INTERRUPTED, held
 from .output import STOPPED_EARLY, OutputError, complain, say
 from .page import say_rows
 from .report import REPORT
 from .result_folder import ResultFolder
-from .run_options import tables_of_options
+from .run_options import as_typed, tables_of_options
 
 #: Either load stepper of a run.
 Stepper: TypeAlias = LoadStepper | ToleranceStepper
@@ -55,7 +57,10 @@ def run(options: argparse.Namespace) -> int:
     """
     if not is_case_file(options.scene):
         tables: dict[str, Any] = {"scene": {"name": options.scene}}
-        return _run(tables_of_options(tables, options), Path(), options)
+        try:
+            return _run(tables_of_options(tables, options), Path(), options)
+        except ValueError as error:
+            raise ValueError(as_typed(str(error), options)) from None
     path = Path(options.scene)
     tables = read_tables(path)
     try:
@@ -75,7 +80,7 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
     log_to_stderr(options.verbose)
     with shown("preparing the case", printed=True):
         case = built(file, default=default_laws(tables))
-        export = results.DrapeExport.read(file.output)
+        export = PartExport.read(file.output)
         checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
         if file.stepping.tolerance is None:
             stepper: Stepper = case.stepper(checkpoint)
@@ -103,7 +108,7 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
     try:
         with held():
             with out as folder:
-                exported = export.write(result, case.scene.axes, folder)
+                exported = _exported(export, result, case, folder)
                 summary = export.added(summary, exported)
                 io.write_summary(summary, folder / "summary.json")
                 io.write_history(result, folder / "history.csv", case.scene.axes)
@@ -220,6 +225,17 @@ def _write_again(
             write_curve(curve, folder / CURVE)
     except OSError as error:
         _note(f"the error interval was not written: {printable(error)}", options)
+
+
+def _exported(
+    export: PartExport, result: Result, case: Case, folder: Path
+) -> dict[str, Any]:
+    """Write the exports of a run; returns their figures."""
+    if not export:
+        return {}
+    reason = "" if result.converged else result.not_on_tool or "the run stopped early"
+    sheet = Sheet.of_ply(result.ply, result.u, case.scene.axes)
+    return export.write(sheet, reason, folder)
 
 
 def _without_interval(result: Result) -> Result:

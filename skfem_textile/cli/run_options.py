@@ -66,10 +66,16 @@ _OPTIONS_WITH_TOOLS = {
         "output.part_mesh",
         "mesh of the part, to whose elements fibre directions are mapped",
     ),
+    "part-reach": (
+        "output.part_reach_mm",
+        "largest distance of the part from the ply on it",
+    ),
     "trim": (
         "output.trim",
-        "table or DXF file of the curve along which the flat pattern is trimmed",
+        "tables or DXF files of the curves along which the flat pattern is trimmed: "
+        "the outline, then holes",
     ),
+    "pattern": ("output.pattern", "kinds of files of the flat pattern (default: all)"),
 }
 
 # Options of every scene and case file, besides their keys.
@@ -105,6 +111,9 @@ _EVERY: Options = {
 # Keys whose value is a mesh, a law or a file name.
 _NAME_OR_FILE = ("mesh.source", "tension.law", "shear.law")
 
+# A key of a case in a message, not as the value of --set.
+_KEY = re.compile(r"(?<!--set )(?<![\w./])[a-z]+\.\w+(?![\w./])")
+
 # Options of scene keys that differ from the key without its unit.
 _RENAMED = {"warp_deg": "fibres"}
 
@@ -134,6 +143,24 @@ def add_run(parser: argparse.ArgumentParser, named: Sequence[str] | None) -> Non
     _add_scene(scenes, words.CASE_FILE, "a case file", None, aliases=files)
 
 
+def add_export(parser: argparse.ArgumentParser) -> None:
+    """Add the folder of a finished run, and the options of exports."""
+    add(parser, {"folder": option("results folder of a run", words.folder, "DIR")})
+    parser.set_defaults(
+        flags=dict(
+            _add_key(parser, flag, path, _type_of(path), about)
+            for flag, (path, about) in _OPTIONS_WITH_TOOLS.items()
+        )
+    )
+
+
+def as_typed(message: str, options: argparse.Namespace) -> str:
+    """Message with the options that were typed, or exist, in place of case keys."""
+    by_key = {path for path, _ in getattr(options, "set", ())}
+    flags = {k: f for k, f in options.flags.items() if k not in by_key}
+    return _KEY.sub(lambda found: flags.get(found[0], found[0]), message)
+
+
 def _add_scene(
     scenes: Any, name: str, about: str, scene: type[Scene] | None, **settings: Any
 ) -> None:
@@ -155,6 +182,7 @@ def _add_scene(
         help="show this help; `--help all` also lists every key for --set",
     )
     add(parser, OUTPUTS)
+    flags: dict[str, str] = {}
     if scene is not None:
         defaults = tables_of(declared({"scene": {"name": name}}))
         of_scene = parser.add_argument_group(name.replace("_", " "))
@@ -162,7 +190,8 @@ def _add_scene(
             if key in scene.__struct_fields__:
                 flag = _RENAMED.get(key, _without_unit(key)).replace("_", "-")
                 help_text = meaning(hint) + _default(defaults["scene"].get(key))
-                _add_key(of_scene, flag, f"scene.{key}", hint, help_text)
+                key, text = _add_key(of_scene, flag, f"scene.{key}", hint, help_text)
+                flags[key] = text
         of = scene.declaration
         with_tools = issubclass(of, WithTools)
         options = _OPTIONS | (_OPTIONS_WITH_TOOLS if with_tools else {})
@@ -173,7 +202,9 @@ def _add_scene(
         for flag, (path, about) in options.items():
             table, key = path.split(".")
             help_text = about + _default(defaults[table].get(key))
-            _add_key(group, flag, path, _type_of(path), help_text)
+            key, text = _add_key(group, flag, path, _type_of(path), help_text)
+            flags[key] = text
+    parser.set_defaults(flags=flags)
     add(parser, _EVERY)
     parser.add_argument(
         *("-v", "--verbose"),
@@ -183,8 +214,10 @@ def _add_scene(
     )
 
 
-def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
-    """Add the option of a key; argparse converts values to its type."""
+def _add_key(
+    parser: Any, flag: str, path: str, hint: Any, about: str
+) -> tuple[str, str]:
+    """Add the option of a key, with values of its type; returns key and option."""
     kwargs: dict[str, Any] = {"dest": path, "default": argparse.SUPPRESS, "help": about}
     kind = hint
     while get_origin(kind) is Annotated or NoneType in get_args(kind):
@@ -199,8 +232,11 @@ def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
         first, *others = get_args(kind)
         several = {"nargs": "+", "action": "extend"}
         kwargs |= several if ... in others else {"nargs": len(others) + 1}
-        kwargs |= {"choices": get_args(first)} if get_args(first) else {"type": first}
-        kwargs["metavar"] = flag.upper()
+        if get_args(first):
+            kwargs["choices"] = get_args(first)
+        else:
+            metavar = "FILE" if FILE in get_args(hint) else flag.upper()
+            kwargs |= {"type": first, "metavar": metavar}
     elif get_origin(kind) is dict:
         kwargs |= {"type": words.pair, "metavar": "NAME=VALUE"}
         kwargs |= {"action": "append"}
@@ -210,6 +246,7 @@ def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
             metavar = "NAME|FILE" if path in _NAME_OR_FILE else "FILE"
         kwargs |= {"type": kind, "metavar": "DEG" if path.endswith("_deg") else metavar}
     parser.add_argument(f"--{flag}", **kwargs)
+    return path, f"--{flag}"
 
 
 def _default(value: Any) -> str:

@@ -239,5 +239,6 @@ def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
     if np.shape(raw.points)[1:] != (3,):
         raise MeshError("the points must have three coordinates")
     named = [f"{n} {kind}(s)" for kind, n in others.items()]
-    say_ignored(Path(path), [*ignored, *named])
+    lost = [name for name in ignored if name != "facet_normals"]  # follow from points
+    say_ignored(Path(path), [*lost, *named])
     return np.asarray(raw.points).T, cells

@@ -19,6 +19,9 @@ from ..surfaces.tool_mesh import (
     Elements,
     ElementTree,
     ToolMesh,
+    closest_on_own,
+    closest_on_triangles,
+    cut_in_two,
     edge_lengths,
     unit,
 )
@@ -208,6 +211,10 @@ class Sheet:
         """Points in the flat ply in mm, shape (2, n); NaN if there is none."""
         return self._elements.between(self.flat, points.element, points.local)
 
+    def points(self, points: SheetPoints) -> ndarray:
+        """Points in space in mm, shape (3, n); NaN if there is none."""
+        return self._elements.between(self.positions, points.element, points.local)
+
     def fibres_at(self, points: SheetPoints) -> tuple[ndarray, ndarray, ndarray]:
         """Unit directions of warp and weft, shape (3, n), and the shear angle, (n,).
 
@@ -280,6 +287,11 @@ _NORMAL_DEG = 0.1
 # Coarse tools of curved parts stay below it.
 _STEEPEST_DEG = 60.0
 
+# Distance of the ply from the nearest skin of a tool, relative to its distance from
+# another skin, below which it lies on the first one only: it is above one half between
+# two walls of a corner of 60° that the ply bridges.
+_OTHER_SKIN = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class FibresInSpace:
@@ -349,8 +361,9 @@ def fibres_on_tool(
 ) -> FibresInSpace:
     """Fibres of a draped ply in each element of a tool.
 
-    They are the fibres at the point of the ply at the centre of the element.  An
-    element inclined by more than 60° to the ply has none.
+    They are the fibres at the foot of the perpendicular from the centre of the element
+    to the ply.  An element inclined by more than 60° to the ply has none.  Of two skins
+    of a tool the nearer one has fibres.
 
     Parameters
     ----------
@@ -362,8 +375,7 @@ def fibres_on_tool(
         Reference axis of the angles, projected into the plane of each element.
     reach
         Largest distance in mm between the centre of an element and the ply on it; by
-        default a quarter of the longer of the longest edges of ply and element.  Use
-        less than the thickness of a tool whose other side is not draped.
+        default a quarter of the longer of the longest edges of ply and element.
 
     Raises
     ------
@@ -387,6 +399,7 @@ def fibres_on_tool(
     lean = np.abs((unit(np.cross(*fibres[:2], axis=0)) * normal).sum(axis=0))
     # A wall that cuts through the ply has no fibres; NaN also where there is no ply.
     across = ~(lean > np.cos(np.radians(_STEEPEST_DEG)))
+    across |= _on_other_skin(sheet, places, tool)
     if across.all():
         raise ValueError(
             "fibres on a tool: every element of the tool within reach is "
@@ -395,6 +408,29 @@ def fibres_on_tool(
     warp, weft, angle = (np.where(across, np.nan, field) for field in fibres)
     warp, weft = (_in_plane(v, normal) for v in (warp, weft))
     return FibresInSpace(tool, normal, warp, weft, angle, along)
+
+
+def _on_other_skin(sheet: Sheet, places: SheetPoints, tool: ToolMesh) -> ndarray:
+    """True for elements of a tool between which and the ply lies another element."""
+    found, triangles = np.flatnonzero(places.found), tool.triangles()
+    feet = np.nan_to_num(sheet.points(places))
+    ends = np.cumsum([cell.shape[1] for cell in tool.cells])
+    numbers = np.split(np.arange(ends[-1]), ends[:-1])
+    element, *_ = cut_in_two(
+        tuple(
+            np.tile(n, (len(cell), 1))
+            for n, cell in zip(numbers, tool.cells, strict=True)
+        )
+    )
+    own = np.full(tool.n_elements, np.inf)
+    _, distance = closest_on_own(tool.points[:, triangles], feet[:, element])
+    np.minimum.at(own, element, distance)
+    nearest, _ = closest_on_triangles(tool.points, triangles, feet[:, found])
+    corners = tool.points[:, triangles[:, nearest]]
+    _, least = closest_on_own(corners, feet[:, found])
+    return np.isin(
+        np.arange(tool.n_elements), found[least < _OTHER_SKIN**2 * own[found]]
+    )
 
 
 def fibres_on_ply(

@@ -38,7 +38,7 @@ NINES = "9" * 23
 LINES = {
     "run": [
         ("stripe", "'stripe'"),
-        ("strip --shear-law no.csv --out out", "shear.law no.csv: no such file"),
+        ("strip --shear-law no.csv --out out", "--shear-law no.csv: no such file"),
         ("no.toml --out out", "no.toml"),
         ("folder.toml --out out", "folder.toml"),
     ],
@@ -57,18 +57,18 @@ LINES = {
         ("--shear-stiffness 1e308", "force of a law is not finite at rest"),
         ("--steps 0", "steps must be a whole number"),
         (f"--steps {NINES}", f"from 1 to 1000000, got {NINES}"),
-        ("--rotate nan", "scene.rotate_deg must be a finite number"),
-        ("--rotate 1e17", "scene.rotate_deg must be a number <= 36000.0"),
+        ("--rotate nan", "--rotate must be a finite number"),
+        ("--rotate 1e17", "--rotate must be a number <= 36000.0"),
         # meshes
         ("--size 10", "expected NXxNY, such as 10x15, got '10'"),
         ("--size 0x5", "at least 1x1"),
         ("--size 1000000x1000000", "llocate"),
-        ("--size 99999999999x1", "mesh.size must be an integer <= 1000000"),
+        ("--size 99999999999x1", "--size must be an integer <= 1000000"),
         ("--set mesh.size=3", "mesh.size must be an array, got an integer"),
         ("--set mesh.jitter=2", "jitter must be at least 0 and below 1"),
         ("--set mesh.seed=-1", "seed must be"),
         ("--mesh curly", "curly is neither an existing file nor one of graded"),
-        ("--mesh 'a\nb\x1b[31m'", r"mesh.source a\nb\x1b[31m is neither an"),
+        ("--mesh 'a\nb\x1b[31m'", r"--mesh a\nb\x1b[31m is neither an"),
         ("--mesh bad.msh", "bad.msh"),
         *(
             (f"--mesh {MESH} --set mesh.{key}={x}", f"mesh.{key} does not apply to the")
@@ -80,22 +80,22 @@ LINES = {
         ("--set formulation.cs_N_per_mm=much", "expected one of a number, auto"),
         (
             "--set formulation.stabilisation=magic",
-            "requires that formulation.name is one-point",
+            "requires that --formulation is one-point",
         ),
         *(
             (
                 f"--formulation {name} --set formulation.cs_N_per_mm=4",
-                "cs_N_per_mm requires that formulation.name is one-point or macro",
+                "cs_N_per_mm requires that --formulation is one-point or macro",
             )
             for name in ("full", "quadratic")
         ),
         (
             "--formulation one-point --set formulation.deviation=20",
-            "formulation.deviation requires that formulation.name is quadratic",
+            "formulation.deviation requires that --formulation is quadratic",
         ),
         (
             "--set formulation.cs_N_per_mm=4 formulation.stabilisation=rate",
-            "stabilisation requires that formulation.name is one-point",
+            "stabilisation requires that --formulation is one-point",
         ),
         ("--set 'formulation.name=x - at $.y'", "is 'x - at $.y': expected one of"),
         # stepping
@@ -125,7 +125,7 @@ LINES = {
         ),
         # laws
         ("--shear-law sin", "'sin': expected one of linear, sin2, FILE.csv"),
-        ("--shear-law FILE.csv", "shear.law FILE.csv: no such file"),
+        ("--shear-law FILE.csv", "--shear-law FILE.csv: no such file"),
         ("--shear-law crimp-interchange", "'crimp-interchange': expected one of"),
         (LOCKING, "shear.locking_angle_deg is missing"),
         (f"{LOCKING} {LAST}=60", "shear stiffness must be a finite number > 0, got 0"),
@@ -135,7 +135,7 @@ LINES = {
         ),
         (
             f"--shear-law sin2 {LAST}=60",
-            "shear.locking_angle_deg requires that shear.law is locking",
+            "shear.locking_angle_deg requires that --shear-law is locking",
         ),
         (
             "--shear-law polynomial --set shear.coefficients_N_per_mm=1,a",
@@ -143,7 +143,7 @@ LINES = {
         ),
         (
             "--shear-law polynomial --shear-stiffness 0.4",
-            "shear.stiffness_N_per_mm requires that shear.law is linear",
+            "--shear-stiffness requires that --shear-law is linear",
         ),
         (
             "--tension-law sin2",
@@ -161,7 +161,7 @@ LINES = {
         ),
         (
             "--set tension.extrapolation=linear",
-            "tension.extrapolation requires that tension.law is FILE.csv",
+            "tension.extrapolation requires that --tension-law is FILE.csv",
         ),
         ("--set tension.file=a.csv", "a table of a law has no key"),
         (
@@ -174,28 +174,28 @@ LINES = {
         ),
         (
             "--tension-law tension.csv --fibre-stiffness 3",
-            "tension.stiffness_N_per_mm requires that tension.law is linear or crimp-",
+            "--fibre-stiffness requires that --tension-law is linear or crimp-",
         ),
         ("--shear-law toe.json", "contains a CrimpToe, which is not a law of shear"),
         # curves of tests
-        ("--test-curve no.csv", "output.test_curve no.csv: no such file"),
+        ("--test-curve no.csv", "--test-curve no.csv: no such file"),
     ],
     "run trellis --out out": [
         ("--free lid", "argument --free: invalid choice: 'lid'"),
         ("--free left right top bottom", "no side is held"),
-        ("--free left --roller left=3", "the side left is both in scene.free"),
+        ("--free left --roller left=3", "the side left is both in --free"),
         ("--roller left", "such as top=0,40, got 'left'"),
-        ("--roller left=up", "roller_deg must be a number, got text"),
-        ("--roller lid=3", "scene.roller_deg is 'lid': expected one of top, right"),
+        ("--roller left=up", "--roller must be a number, got text"),
+        ("--roller lid=3", "--roller is 'lid': expected one of top, right"),
         ("--roller left=nan", "scene.roller_deg.left must be a finite number"),
         ("--roller top=1 --roller top=2", "top is given twice"),
-        ("--fibres nan", "scene.warp_deg must be a finite number"),
+        ("--fibres nan", "--fibres must be a finite number"),
     ],
     "run bias_extension --out out": [
         ("--fibres 30 --weft 135", "got 30 and 135"),
         ("--part third", "argument --part: invalid choice"),
         ("--tolerance 2", "must be between 0 and 1"),
-        ("--tolerance nan", "stepping.tolerance must be a finite number"),
+        ("--tolerance nan", "--tolerance must be a finite number"),
         ("--tolerance much", "--tolerance"),
         ("--tolerance 0.1 --checkpoint", "cannot write checkpoints"),
         (
@@ -205,11 +205,11 @@ LINES = {
         ),
         (
             "--set stepping.most_unknowns=5000",
-            "stepping.most_unknowns requires stepping.tolerance",
+            "stepping.most_unknowns requires --tolerance",
         ),
     ],
     "run bias_extension --size 3x6 --out out": [
-        ("--set fabric.thickness_mm=0.3", "fabric.material require fabric.file"),
+        ("--set fabric.thickness_mm=0.3", "fabric.material require --fabric"),
         ("--fabric none.json", "none.json"),
         ("--fabric cloth.json --fibre-stiffness 1", "[tension] sets a law"),
         ("--directions ply.vtu", "there are 32 fibre directions for 18 elements"),
@@ -218,11 +218,11 @@ LINES = {
     f"run specimen --mesh {HOLE} --tolerance 0.1 --out out": [
         (
             "--set regions.all.shear.stiffness_N_per_mm=1",
-            "not possible with regions: omit stepping.tolerance",
+            "not possible with regions: omit --tolerance",
         ),
         (
             "--directions other.csv",
-            "not possible with mesh.directions: omit stepping.tolerance",
+            "not possible with --directions: omit --tolerance",
         ),
     ],
     "run cantilever --out out": [

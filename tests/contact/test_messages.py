@@ -255,7 +255,7 @@ def test_bad_input_is_one_line(files, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--punch", "none.stl"], "scene.punch none.stl: no such file"),
+        (["--punch", "none.stl"], "--punch none.stl: no such file"),
         (["--travel", "0"], "travel of the punch must be a length in mm other than"),
         (["--holder-gap=-1"], "the holder gap must be a length of at least 0 mm"),
         (["--holder-pressure", "0.1"], "forming: a holder has either a gap or a press"),

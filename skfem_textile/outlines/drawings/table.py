@@ -137,10 +137,9 @@ def _columns(
         for one, cell in zip(found, header, strict=True)
     ]
     if any(names.count(axis) != 1 for axis in axes):
-        *first, last = axes
         raise ValueError(
-            f"{file}, row 1: the header must name the columns {', '.join(first)} and "
-            f"{last}"
+            f"{file}, row 1: the header must name the columns {', '.join(axes[:-1])} "
+            f"and {axes[-1]}"
         )
     columns, in_mm = [names.index(axis) for axis in axes], np.full(len(axes), unit_mm)
     for i, column in enumerate(columns):

@@ -11,8 +11,7 @@ import pytest
 
 from skfem_textile import drape
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.results import DrapeExport
-from skfem_textile.drape import Axes
+from skfem_textile.cli.export import PartExport
 from tests.helpers import sphere
 from tests.helpers.tools import (
     SPHERE,
@@ -152,25 +151,24 @@ def test_a_curve_trims_the_pattern_and_the_next_run_removes_it(flat, tmp_path, c
     assert result["converged"]
     assert result["part"].startswith("not written: ")
     assert (out / "fibres.vtu").exists()
-    assert not [name for name in DrapeExport.files if (out / name).exists()]
+    assert not [name for name in PartExport.files if (out / name).exists()]
 
 
 def test_what_cannot_be_exported_is_named(tmp_path):
     """Beside a part that the ply does not cover, a curve beyond, and a closed part."""
     ply = square(60.0, 6)
     u = geodesic_u(ply, SPHERE)
-    result = SimpleNamespace(ply=ply, u=u, converged=True)
     x, t = sphere(900)
     ball = drape.ToolMesh(100 * x - [[0], [0], [100]], (t,))
     turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     ring = 90 * np.array([np.cos(turn), np.sin(turn), 0 * turn])
     ring[2] = np.sqrt(1e4 - 90**2) - 100
-    closed = DrapeExport(ball, no_curves="ball.stl: the tool is closed")
+    closed = PartExport(ball, no_curves="ball.stl: the tool is closed")
     for export, missing in (
         (closed, []),
-        (DrapeExport(ball, [ring], trimmed=True), ["pattern: not written: flat"]),
+        (PartExport(ball, [ring], trimmed=True), ["pattern: not written: flat"]),
     ):
-        figures = export.write(result, Axes(np.zeros(3)), tmp_path)
+        figures = export.write(drape.Sheet.of_ply(ply, u), "", tmp_path)
         assert 0 < figures["part_covered_share_of_elements"] < 0.2
         found = export.missing(figures)
         assert [x[: len(y)] for x, y in zip(found, missing, strict=True)] == missing

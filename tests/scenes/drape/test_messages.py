@@ -405,7 +405,7 @@ def test_settings_that_do_not_fit_a_tool_are_refused(message):
     ("options", "reason"),
     [
         (("hemisphere", "--width", "-5"), "the width must be positive"),
-        (("hemisphere", "--fibres", "nan"), "scene.fibres_deg must be a finite number"),
+        (("hemisphere", "--fibres", "nan"), "--fibres must be a finite number"),
         (("hemisphere", "--fibres", "20", "--part", "quarter"), "use the whole ply"),
         (("hemisphere", "--part", "half"), "invalid choice: 'half'"),
         (
@@ -432,7 +432,7 @@ def test_directions_of_a_file_do_not_replace_those_of_a_tool(tmp_path, capsys):
     write_directions(file, mesh, directions_of(mesh, turned))
     line = "run", "hemisphere", "--size", "4x4", "--directions", str(file)
     error = rejected(capsys, *line, "--out", str(tmp_path / "out"))
-    assert "scene hemisphere: set scene.fibres_deg" in error
+    assert "scene hemisphere: set --fibres" in error
 
 
 # Tools from files, from the command line
@@ -474,13 +474,13 @@ def test_invalid_tools_are_refused(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--point", "0", "0", "nan"), "scene.point_mm must be a finite number"),
+        (("--point", "0", "0", "nan"), "--point must be a finite number"),
         (("--point", "0", "0", "90"), "specify a point on the tool"),
         (("--point", "0", "0", "1e306"), "specify a point on the tool"),
         (("--point", "130", "0", "0"), "the contact point of the ply, (129.6"),
         (("--point", "0", "0"), "expected 3 arguments"),
-        (("--part-mesh", "none.stl"), "output.part_mesh none.stl: no such file"),
-        (("--trim", "none.csv"), "output.trim none.csv: no such file"),
+        (("--part-mesh", "none.stl"), "--part-mesh none.stl: no such file"),
+        (("--trim", "none.csv"), "--trim none.csv: no such file"),
         (("--trim", "CURVE"), "curve.csv: the curve has 2 different points, but at"),
         (("--width", "-5"), "the width must be positive"),
     ],

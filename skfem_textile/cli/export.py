@@ -1,0 +1,198 @@
+"""Fibres in the part and flat patterns, of a run or of a finished one."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from numpy import ndarray
+
+from .. import io
+from ..cases.finished import read_result
+from ..cases.read import converted
+from ..cases.schema import PATTERN_KINDS, Output
+from ..mesh.checks import MeshError
+from ..mesh.requirements import is_installed, lacks, require
+from ..mesh.user_input import printable
+from ..nets.flat_pattern import FlatPattern, flat_pattern
+from ..nets.sheet import REACH, Sheet, fibres_on_tool
+from ..solve.quantities import Quantity, first_rows
+from ..surfaces.tool_mesh import ToolMesh
+from .interruption import held
+from .output import STOPPED_EARLY, complain, say
+from .page import say_rows
+from .result_folder import ResultFolder
+from .run_options import as_typed
+
+_PART = ("part.vtu", "part.csv", "part.inp")
+
+#: Files of flat patterns.
+PATTERN = tuple(f"pattern.{kind}" for kind in PATTERN_KINDS)
+
+# Figures of exports that are printed, or the reasons why there are none.
+_FIRST = (
+    Quantity("Part", "part"),
+    Quantity(
+        *("Part covered", "part_covered_share_of_elements", "%"),
+        note=" of its elements",
+    ),
+    Quantity("Flat pattern", "pattern"),
+    Quantity("Flat pattern", "pattern_area_mm2", "mm²"),
+)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Export the ply of a finished run into its folder; returns the exit code.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to export, or a file is refused.
+    OSError, OutputError
+        If the folder cannot be written.
+    """
+    keys = {
+        path.removeprefix("output."): value
+        for path, value in vars(options).items()
+        if path.startswith("output.")
+    }
+    try:
+        export = PartExport.read(converted("output", keys, Output))
+    except ValueError as error:
+        raise ValueError(as_typed(str(error), options)) from None
+    if not export:
+        raise ValueError("nothing to export: specify --part-mesh or --trim")
+    finished = read_result(options.folder)
+    if finished.case.scene.dimension == 2:
+        raise ValueError(
+            f"the ply in {printable(options.folder)} is in its plane: exports require "
+            "tools"
+        )
+    what = "" if finished.summary.get("converged") else "the run stopped early"
+    out = ResultFolder(options.folder, ("summary.json", *export.files))
+    with held(), out as folder:
+        figures = export.write(finished.sheet(), what, folder)
+        summary = export.added(finished.summary, figures)
+        io.write_summary(summary, folder / "summary.json")
+    say_rows(first_rows({**figures, "first": [one.declared() for one in _FIRST]}))
+    say(f"results written to {printable(options.folder)}{out.removed_text()}")
+    if missing := export.missing(figures):
+        complain("; ".join(missing))
+        return STOPPED_EARLY
+    return 0
+
+
+def write_patterns(
+    folder: Path,
+    patterns: Sequence[FlatPattern],
+    kinds: Sequence[str] = PATTERN_KINDS,
+) -> None:
+    """Write flat patterns; a .dxf only if ezdxf is installed."""
+    for kind in kinds:
+        name = f"pattern.{kind}"
+        if kind == "dxf" and not is_installed("ezdxf"):
+            say(f"not written: {lacks(name, 'dxf', 'ezdxf')}")
+        else:
+            io.write_pattern(folder / name, patterns)
+
+
+@dataclass(frozen=True, eq=False)
+class PartExport:
+    """Export of a ply: elements of the part, and curves that trim the pattern.
+
+    ``curves`` are closed, each (3, n); ``no_curves`` is the reason why there are none,
+    and ``trimmed`` is true for user-supplied curves: the outline, then holes. ``reach``
+    is the largest distance of the part from the ply in mm, and ``kinds`` those of the
+    pattern. `write` may write ``files``.
+    """
+
+    part: ToolMesh | None = None
+    curves: Sequence[ndarray] = ()
+    no_curves: str = ""
+    trimmed: bool = False
+    reach: float | None = None
+    kinds: Sequence[str] = PATTERN_KINDS
+    files: ClassVar[tuple[str, ...]] = (*_PART, *PATTERN)
+
+    @classmethod
+    def read(cls, output: Output) -> "PartExport":
+        """Read the part and the curves that a case names."""
+        part, trim = output.part_mesh, output.trim
+        if part is None and trim is None:
+            return cls()
+        if "dxf" in (output.pattern or ()):
+            require("a .dxf of the pattern", "dxf", "ezdxf")
+        mesh = None if part is None else io.read_tool_mesh(part)
+        others: dict[str, Any] = {"reach": output.part_reach_mm}
+        others["kinds"] = output.pattern or PATTERN_KINDS
+        if trim is not None:
+            files = (trim,) if isinstance(trim, str) else trim
+            curves = [io.read_curve(file, 3) for file in files]
+            return cls(mesh, curves, trimmed=True, **others)
+        try:
+            return cls(mesh, mesh.boundary() if mesh else (), **others)
+        except MeshError as error:
+            return cls(mesh, no_curves=f"{printable(part)}: {error}", **others)
+
+    def __bool__(self) -> bool:
+        """True if there is something to export."""
+        return self.part is not None or bool(self.curves)
+
+    def write(self, sheet: Sheet, reason: str, folder: Path) -> dict[str, Any]:
+        """Write the exports; returns figures, and the reason for each missing export.
+
+        The sheet is in the axes of the part.  ``reason`` says why there is no export
+        from it; empty if there is one.
+        """
+        figures: dict[str, Any] = {}
+        for what, write in (("part", self._fibres), ("pattern", self._pattern)):
+            try:
+                if reason:
+                    raise ValueError(reason)
+                figures |= write(sheet, folder)
+            except ValueError as error:
+                figures[what] = f"not written: {error}"
+        return figures
+
+    @staticmethod
+    def added(summary: Mapping[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
+        """Summary of a run with the figures of `write`, which are printed too."""
+        own = [quantity.declared() for quantity in _FIRST]
+        first = [one for one in summary["first"] if one not in own]
+        old = {quantity.key for quantity in _FIRST} - figures.keys()
+        kept = {key: value for key, value in summary.items() if key not in old}
+        return {**kept, **figures, "first": [*first, *(own if figures else ())]}
+
+    def missing(self, figures: Mapping[str, Any]) -> list[str]:
+        """Requested exports that `write` has not written, with reasons."""
+        requested = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
+        return [f"{what}: {figures[what]}" for what in requested if what in figures]
+
+    def _fibres(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
+        if self.part is None:
+            return {}
+        fibres = fibres_on_tool(sheet, self.part, reach=self.reach)
+        for name in _PART:
+            io.write_fibres(folder / name, fibres)
+        longest = max(sheet.longest_edge, float(self.part.longest_edges().max()))
+        return {
+            "part_covered_share_of_elements": float(fibres.covered.mean()),
+            "part_reach_mm": self.reach or REACH * longest,
+        }
+
+    def _pattern(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
+        if self.no_curves:
+            raise ValueError(self.no_curves)
+        if not self.curves:
+            return {}
+        outer, *holes = self.curves
+        if self.trimmed:
+            patterns = [flat_pattern(sheet, outer, holes=holes)]
+            area = patterns[0].area
+        else:  # holes of the part have the opposite orientation
+            patterns = [flat_pattern(sheet, curve) for curve in self.curves]
+            area = abs(sum(one.signed_area for one in patterns))
+        write_patterns(folder, patterns, self.kinds)
+        length = sum(pattern.length for pattern in patterns)
+        return {"pattern_area_mm2": area, "pattern_length_mm": length}

@@ -1,0 +1,156 @@
+"""A chain from an outline to the part: forming, and exports of the finished run."""
+
+import json
+
+import meshio
+import numpy as np
+import pytest
+
+from skfem_textile import drape
+from skfem_textile.cases import read_result
+from skfem_textile.cli import main as cli
+from skfem_textile.io import write_pattern
+from tests.helpers import graph
+from tests.helpers.command_line import rejected
+
+pytestmark = pytest.mark.usefixtures("no_interval")
+
+RING = 8 * np.array([np.cos(t := np.linspace(0, 2 * np.pi, 40)[:-1]), np.sin(t)])
+
+# The outline of the ply, 0.5 mm below the plane in which the punch touches it.
+ROWS = "curve,x (cm),y (cm)", "1,0,0", "1,8,0", "1,9,2", "1,9,7", "1,0,6"
+HOLE = "2,2,2", "2,2.8,2", "2,2.8,2.8", "2,2,2.8"
+
+
+@pytest.fixture(scope="module")
+def formed(tmp_path_factory):
+    """Folder of a ply with an outline that a punch forms, and of its tools."""
+    folder = tmp_path_factory.mktemp("formed")
+
+    def bowl(name, top, height, sign=1.0):
+        x, t = graph(
+            np.linspace(-70, 70, 15),
+            lambda x, y: top - height * (1 - np.exp(-(x**2 + y**2) / 900)),
+        )
+        meshio.Mesh(x.T, [("triangle", t.T)]).write(folder / name)
+
+    bowl("punch.stl", 0.0, 40.0)
+    bowl("die.stl", 32.3, 32.0)
+    (folder / "ply.csv").write_text("\n".join([*ROWS, *HOLE]))
+    x, t = graph(np.linspace(-15, 15, 7), lambda x, y: 6 * np.exp(-(x**2 + y**2) / 900))
+    meshio.Mesh(x.T, [("triangle", t.T)]).write(folder / "part.stl")
+    tools = "--punch", str(folder / "punch.stl"), "--die", str(folder / "die.stl")
+    ply = "--outline", str(folder / "ply.csv"), "--size", "6x5", "--fibres", "30"
+    few = "--travel", "6", "--steps", "1", "--set", "bending.warp_N_mm=5"
+    more = "bending.weft_N_mm=5", "--part-mesh", str(folder / "part.stl")
+    words = ["run", "forming", *tools, *ply, *few, *more, "--no-render"]
+    assert cli.main([*words, "--out", str(folder / "out")]) == 0
+    return folder
+
+
+def figures(folder):
+    return json.loads((folder / "out" / "summary.json").read_text())
+
+
+def test_a_ply_with_an_outline_is_formed_about_its_middle(formed):
+    mesh = meshio.read(formed / "out" / "fields" / "own_step_0001.vtu")
+    assert np.ptp(mesh.points, axis=0) == pytest.approx([90, 70, 0])
+    assert mesh.points.max(axis=0)[:2] == pytest.approx([45, 35])
+    assert figures(formed)["punch_force_N"] > 0.1
+    text = (formed / "out" / "case.toml").read_text()
+    assert 'outline = "case_files/outline.csv"' in text
+
+
+def test_the_part_has_the_fibres_of_the_formed_ply(formed):
+    """In each of its elements, as they are in the ply above it."""
+    assert figures(formed)["part_covered_share_of_elements"] == 1
+    finished = read_result(formed / "out")
+    part = meshio.read(formed / "out" / "part.vtu")
+    sheet = finished.sheet()
+    centres = part.points[part.cells[0].data].mean(axis=1).T
+    warp, _, angle = sheet.fibres_at(sheet.at(centres))
+    found = part.cell_data["warp_direction"][0].T
+    assert np.abs((warp * found).sum(axis=0)).min() > 0.99
+    of_part = part.cell_data["shear_angle_deg"][0]
+    np.testing.assert_allclose(of_part, np.degrees(angle), atol=1e-9)
+
+
+def test_a_finished_run_is_exported_without_computing_it(formed, capsys, monkeypatch):
+    """A part, and a trimmed pattern with a hole in the kinds that are asked for."""
+    monkeypatch.setattr("skfem_textile.solve.stepper.LoadStepper.run", lambda *_: 1 / 0)
+    before = (formed / "out" / "part.csv").read_bytes()
+    finished = read_result(formed / "out")
+    sheet, names = finished.sheet(), []
+    for name, scale in ("outline.csv", 1.0), ("hole.csv", 0.2):
+        x = np.vstack([scale * RING + [[-8], [0]], 0 * t])
+        x = sheet.points(sheet.at(x, 10.0))
+        np.savetxt(formed / name, x.T, delimiter=",", header="x,y,z", comments="")
+        names.append(str(formed / name))
+    words = "export", str(formed / "out"), "--trim", *names, "--pattern", "svg", "csv"
+    assert cli.main([*words, "--part-mesh", str(formed / "part.stl")]) == 0
+    assert "Flat pattern" in capsys.readouterr().out
+    written = {file.name for file in (formed / "out").glob("pattern.*")}
+    assert written == {"pattern.csv", "pattern.svg"}
+    assert (formed / "out" / "part.csv").read_bytes() == before
+    area = figures(formed)["pattern_area_mm2"]
+    assert area == pytest.approx(np.pi * 8**2 * (1 - 0.2**2), rel=0.05)
+    assert figures(formed)["converged"]
+
+
+def test_the_displacement_of_a_finished_run_is_that_of_its_fields(formed):
+    finished = read_result(formed / "out")
+    last = meshio.read(formed / "out" / "fields" / "step_0001.vtu")
+    moved = finished.ply.nodal(finished.u).T
+    np.testing.assert_allclose(moved, last.point_data["displacement"], atol=1e-12)
+    assert finished.load_factor == 1
+
+
+def test_a_pattern_is_the_outline_of_another_ply(formed, tmp_path):
+    """Read again with its hole, and in mm."""
+    from skfem_textile import Outline
+
+    sheet = read_result(formed / "out").sheet()
+    curves = [
+        sheet.points(sheet.at(np.vstack([r * RING, 0 * t]), 10.0)) for r in (1, 0.3)
+    ]
+    pattern = drape.flat_pattern(sheet, curves[0], holes=curves[1:])
+    write_pattern(tmp_path / "pattern.csv", pattern)
+    again = Outline.from_file(tmp_path / "pattern.csv")
+    assert again.shape().area == pytest.approx(pattern.area, rel=1e-6)
+    assert len(again.holes) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("out", "nothing to export: specify --part-mesh or --trim"),
+        ("out --part-mesh none.stl", "none.stl: no such file"),
+        (
+            "out --part-mesh part.stl --part-reach 0",
+            "--part-reach must be a number > 0",
+        ),
+        (
+            "nowhere --part-mesh part.stl",
+            "case.toml is missing: name the results folder",
+        ),
+        ("cut --part-mesh part.stl", "step_0001.vtu cannot be read"),
+        ("other --part-mesh part.stl", "does not belong to the case"),
+        ("plane --part-mesh part.stl", "is in its plane: exports require tools"),
+    ],
+)
+def test_a_folder_or_an_export_is_refused(formed, words, text, capsys, monkeypatch):
+    monkeypatch.chdir(formed)
+    line = "run strip --size 2x2 --steps 1 --set formulation.name=macro --no-render"
+    if words.startswith("plane"):
+        assert cli.main([*line.split(), "--out", "plane"]) == 0
+    for name, content in ("cut", b"<VTKFile"), ("other", None):
+        fields = formed / name / "fields"
+        fields.mkdir(parents=True, exist_ok=True)
+        for file in ("case.toml", "summary.json", "fields/steps.pvd"):
+            (formed / name / file).write_bytes((formed / "out" / file).read_bytes())
+        old = formed / "out" / "fields" / "own_step_0001.vtu"
+        (fields / "step_0001.vtu").write_bytes(content or old.read_bytes())
+        if not (formed / name / "case_files").exists():
+            (formed / name / "case_files").symlink_to(formed / "out" / "case_files")
+    capsys.readouterr()
+    assert text in rejected(capsys, "export", *words.split())
