@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy import ndarray
 
 from .. import drape, io
@@ -16,12 +17,13 @@ from ..mesh.progress import log_to_stderr, shown
 from ..mesh.user_input import IN_MM, coords, printable
 from ..nets.course import side_by_side
 from ..nets.crossings import Net
-from ..nets.flat_pattern import FlatPattern
+from ..nets.flat_pattern import FlatPattern, spaced
 from ..nets.part import first_layer
 from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
+from ..outlines import Outline
 from ..scenes.drape import contact_point
 from ..surfaces.triangle_mesh import TriangleMesh
-from .export import PATTERN, write_patterns
+from .export import PartExport, write_patterns
 from .interruption import held
 from .net_report import (
     Cells,
@@ -80,6 +82,10 @@ def run(options: argparse.Namespace) -> int:
     _refuse_combinations(options)
     began = perf_counter()
     log_to_stderr(0)
+    export = PartExport()
+    if options.part_mesh is not None:
+        mesh = io.read_tool_mesh(options.part_mesh)
+        export = PartExport(mesh, reach=options.part_reach)
     with shown("laying the net", printed=True):
         part = _laid(options)
         fibres = _fibres(part)
@@ -87,9 +93,12 @@ def run(options: argparse.Namespace) -> int:
     figures = figures_of(part, cells, cover, options)
     verdict = verdict_of(part, cells, cover, options)
     out = ResultFolder(
-        options.out, (_SUMMARY, _NET, *_FIBRES, *PATTERN, _PICTURE, _STARTS, _PAGE)
+        options.out,
+        (_SUMMARY, _NET, *_FIBRES, *export.files, _PICTURE, _STARTS, _PAGE),
     )
     with held(), out as folder:
+        if export:
+            figures |= export.write(Sheet.of_net(part), "", folder)
         for name in _FIBRES:
             io.write_fibres(folder / name, fibres)
         io.write_net(folder / _NET, cells)
@@ -110,7 +119,9 @@ def run(options: argparse.Namespace) -> int:
     written_to = f"results written to {printable(options.out)}"
     say(f"{written_to}: open {_PAGE}{out.removed_text()}")
     no_use = part.no_darts or useless_darts(part, cells)
-    is_found = part.patterns and cover.is_whole and not no_use
+    if missing := export.missing(figures):
+        complain("; ".join(missing))
+    is_found = part.patterns and cover.is_whole and not (no_use or missing)
     return 0 if is_found else STOPPED_EARLY
 
 
@@ -124,6 +135,16 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
         raise ValueError("--trim cannot be combined with --roll-width")
     if options.overlap and options.roll_width is None:
         raise ValueError("--overlap requires --roll-width")
+    for name in ("layer", "outline_unit"):
+        if getattr(options, name) is not None and options.outline is None:
+            raise ValueError(f"--{name.replace('_', '-')} requires --outline")
+    if options.part_reach is not None and options.part_mesh is None:
+        raise ValueError("--part-reach requires --part-mesh")
+    for name in ("best", "darts", "roll_width"):
+        if getattr(options, name) and options.outline is not None:
+            raise ValueError(
+                f"--outline cannot be combined with --{name.replace('_', '-')}"
+            )
     fixed = [
         f"--{name.replace('_', '-')}"
         for name in ("point", "warp_along", "weft_along")
@@ -135,7 +156,8 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
 
 def _laid(options: argparse.Namespace) -> Part:
     """Read the tool, lay the net and trim its pattern."""
-    tool = io.read_surface(options.tool, options.unit)
+    outline = None if options.outline is None else _outline(options)
+    tool = io.read_surface(options.tool, options.unit, certain=True)
     warp = np.radians(options.fibres or 0.0)
     angles = warp, warp + np.pi / 2
     size = float(np.linalg.norm(np.ptp(tool.facets.points, axis=1)))
@@ -185,8 +207,24 @@ def _laid(options: argparse.Namespace) -> Part:
         "warp_along": warp_along,
         "weft_along": weft_along,
     }
-    part = Part(tool, inside=inside, search=search, meets_itself=not has_outline)
+    part = Part(
+        *(tool,),
+        inside=inside,
+        search=search,
+        meets_itself=not has_outline,
+        outline=outline,
+    )
     return _pieces(options, part, spanned, cell, curves, settings)
+
+
+def _outline(options: argparse.Namespace) -> Outline:
+    """Outline of the flat ply, its middle at the origin."""
+    outline = Outline.from_file(
+        options.outline, unit=options.outline_unit, layer=options.layer
+    )
+    low, high = outline.polygon.min(axis=1), outline.polygon.max(axis=1)
+    middle = 0.5 * (low + high)[:, None]
+    return Outline(outline.polygon - middle, [hole - middle for hole in outline.holes])
 
 
 def _edges(tool: TriangleMesh, options: argparse.Namespace) -> list[ndarray]:
@@ -274,6 +312,8 @@ def _pieces(
     net = drape.net(spanned, cell, **settings)
     pieces = [(net, first_layer(net))] if part.meets_itself else net.pieces
     part = part._replace(pieces=pieces)
+    if part.outline is not None:
+        return _of_outline(part, part.outline, spanned, curves if options.trim else [])
     if not curves:
         return part._replace(no_pattern=_NO_OUTLINE)
     try:
@@ -283,6 +323,30 @@ def _pieces(
     except ValueError as error:
         pieces = [(net, first_layer(net))]
         return part._replace(pieces=pieces, no_pattern=str(error))
+
+
+def _of_outline(
+    part: Part, outline: Outline, spanned: TriangleMesh, curves: Sequence[ndarray]
+) -> Part:
+    """The part of a net within the outline of the flat ply, and its pattern.
+
+    Without curves the part is what the ply covers.
+    """
+    net, cells = part.pieces[0]
+    # Cells on its edges cover what a curve on the tool trims.
+    shape = outline.shape().buffer(0.0 if curves else net.cell)
+    within = shapely.contains_xy(shape, *net.centres())
+    ply = part._replace(pieces=[(net, cells & within)])
+    try:
+        sheet = Sheet.of_net(ply if curves else part)
+        if not curves:
+            curves = [net.at(spaced(ring, net.cell)) for ring in outline.rings]
+            inside = drape.triangles_of_part(spanned, curves[0], curves[1:])
+            ply = ply._replace(inside=inside[: part.tool.facets.n_elements])
+        pattern = drape.flat_pattern(sheet, curves[0], holes=curves[1:])
+        return ply._replace(patterns=[pattern])
+    except ValueError as error:
+        return ply._replace(no_pattern=str(error))
 
 
 def _uncut_angle(part: Part, uncut: Net, curves: Sequence[ndarray]) -> float | None:

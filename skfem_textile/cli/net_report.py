@@ -13,6 +13,7 @@ from ..nets.crossings import Net
 from ..nets.flat_pattern import Dart, FlatPattern, PatternWithDarts, shares_inside
 from ..nets.sheet import FibresInSpace
 from ..nets.start_search import BestStart
+from ..outlines import Outline
 from ..surfaces.surface import Axes
 from ..surfaces.tool_mesh import closest_on_triangles
 from ..surfaces.triangle_mesh import TriangleMesh
@@ -32,8 +33,9 @@ class Part(NamedTuple):
 
     Courses have one pattern for each net.  ``inside`` is the mask of the triangles of
     the tool in the part, ``no_darts`` the reason why darts were left out,
-    ``uncut_angle`` the largest shear angle without darts in degrees, and
-    ``meets_itself`` is true of nets around tubes and closed tools.
+    ``uncut_angle`` the largest shear angle without darts in degrees, ``meets_itself``
+    is true of nets around tubes and closed tools, and ``outline`` is that of the flat
+    ply.
     """
 
     tool: TriangleMesh
@@ -46,6 +48,7 @@ class Part(NamedTuple):
     search: BestStart | None = None
     inside: ndarray = np.ones(1, dtype=bool)
     meets_itself: bool = False
+    outline: Outline | None = None
 
     def has(self, x: ndarray) -> ndarray:
         """Mask of points in space, (3, n), that are on the part."""
@@ -147,6 +150,7 @@ def figures_of(
         "cell_mm": net.cell,
         "n_cells": int(cells.angles.size),
         **_xyz("start", net.positions[:, *net.start]),
+        **_of_search(part.search),
         "max_shear_angle_deg": float(cells.angles[worst]),
         **_xyz("max_shear_angle", cells.centres[:, worst]),
         "mean_shear_angle_deg": float(np.average(cells.angles, weights=cells.areas)),
@@ -179,6 +183,17 @@ def figures_of(
     return figures
 
 
+def _of_search(search: BestStart | None) -> dict[str, Any]:
+    """Figures of the search for the best start."""
+    if search is None:
+        return {}
+    return {
+        "starts_compared": len(search.measures),
+        "best_start_deg": float(np.degrees(search.measure)),
+        "default_start_deg": float(np.degrees(search.others[0])),
+    }
+
+
 def _warp_deg(tool: TriangleMesh, net: Net) -> float:
     """Angle of the first warp thread to the x axis of the tool at the start."""
     i, j = net.start
@@ -199,6 +214,8 @@ def verdict_of(
 ) -> list[Row]:
     """Rows: whether the net is whole, the shear within the limit, the pattern cut."""
     verdict = [_net_row(part, cover, options), _shear_row(cells, options)]
+    if part.search is not None:
+        verdict.append(_start_row(part.search, part, options))
     if part.no_darts:
         text = f"no pattern with darts was found, the net has none: {part.no_darts}"
         verdict.append(("Darts", "bad", text))
@@ -271,6 +288,22 @@ def _net_row(part: Part, cover: Cover, options: argparse.Namespace) -> Row:
     else:
         text = "does not cover the outline of the part"
     return ("Net", "bad", text)
+
+
+def _start_row(search: BestStart, part: Part, options: argparse.Namespace) -> Row:
+    """Row of the best start: its place, its direction, and what it gains."""
+    (net, _), default = part.pieces[0], float(search.others[0])
+    warp = _warp_deg(part.tool, net)
+    found, given = np.degrees([search.measure, default])
+    text = f"{coords(net.positions[:, *net.start], 4)} mm, warp at {warp:.1f}°: "
+    text += f"{options.best} shear angle {found:.1f}°"
+    if np.isnan(given):
+        text += "; from the default start the net does not cover the part"
+    elif search.measure == default:
+        text += ", which is the default start: no other start is better"
+    else:
+        text += f", {given:.1f}° from the default start"
+    return ("Best start", "", f"{text}; {len(search.measures)} starts were compared")
 
 
 def _shear_row(cells: Cells, options: argparse.Namespace) -> Row:

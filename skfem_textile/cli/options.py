@@ -91,6 +91,27 @@ _NET: Options = {
         "FILE.csv",
         nargs="+",
     ),
+    "--outline": option(
+        "outline of the flat ply, its middle at the start: a drawing (.dxf, .svg), or "
+        "a table of x and y (.csv); without --trim the part is what it covers",
+        metavar="FILE",
+    ),
+    "--layer": option(
+        "layers of the drawing that are read, or id of elements (default: all)",
+        metavar="LAYER",
+        nargs="+",
+    ),
+    "--outline-unit": option(
+        "unit of length of the drawing (default: the file's, else mm)",
+        choices=tuple(IN_MM),
+    ),
+    "--part-mesh": option(
+        "mesh of the part, to whose elements fibre directions are mapped",
+        metavar="FILE",
+    ),
+    "--part-reach": option(
+        "largest distance of the part from the net on it", words.length, "MM"
+    ),
     "--best": option(
         "search for the point and the direction, or with --fibres the point, with the "
         "smallest largest (default), or mean, shear angle over the part",

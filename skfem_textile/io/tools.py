@@ -44,7 +44,9 @@ _PathLike: TypeAlias = str | os.PathLike[str]
 
 
 def read_surface(
-    path: _PathLike | Sequence[_PathLike], unit: Unit | None = None
+    path: _PathLike | Sequence[_PathLike],
+    unit: Unit | None = None,
+    certain: bool = False,
 ) -> TriangleMesh:
     """Read a smoothed tool surface: STL, PLY, OBJ, 3MF, or a format of meshio.
 
@@ -60,6 +62,9 @@ def read_surface(
         The file, or several.  PLY, OBJ and 3MF require trimesh.
     unit
         Unit of length of the files.  By default the unit of a 3MF file, else mm.
+    certain
+        Refuse a tool whose extent indicates another unit, unless one is given; by
+        default this is a remark.
 
     Raises
     ------
@@ -105,6 +110,8 @@ def read_surface(
         t = np.hstack([n + t for n, (*_, t) in zip(first, parts, strict=False)])
         surface = TriangleMesh(x, t)
     doubt = _doubt(float(np.ptp(surface.facets.points, axis=1).max()), known)
+    if doubt and certain and not known:
+        raise MeshError(f"{printable(name)}: {doubt}")
     for line in filter(None, (doubt, *surface.remarks)):
         log.warning("%s: %s", printable(name), line)
     return surface

@@ -1,8 +1,9 @@
 """Progress of long computations, and their log, on stderr.
 
 Nothing is shown in the first two seconds.  A terminal or a notebook then shows one
-line, which is erased at the end.  Elsewhere the command line prints a line every ten
-seconds, and other programs print nothing unless `SWITCH` is 1.
+line, which is erased at the end.  Elsewhere the command line prints a line after ten
+seconds, and others after twice the time each, and other programs print nothing unless
+`SWITCH` is 1.
 """
 
 import logging
@@ -20,7 +21,7 @@ from typing import TextIO
 #: stderr is not a terminal.
 SWITCH = "SKFEM_TEXTILE_PROGRESS"
 
-# Seconds before a line is shown, between its updates, and between printed lines.
+# Seconds before a line is shown, between its updates, and before one is printed.
 _DELAY, _REFRESH, _PRINTED = 2.0, 0.5, 10.0
 
 # Width of a line where a terminal reports none, as in a notebook.
@@ -118,6 +119,7 @@ def _show(stream: TextIO, wait: Callable[[float], bool]) -> None:
                 stream.write(f"{line}\n")
             stream.flush()
             done = wait(period)
+            period *= 1 if refreshed else 2
     clear()
 
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ..mesh.progress import shown
 from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import Axes, OffSurfaceError, onto
@@ -36,6 +37,10 @@ _FINALISTS = 8
 # `python -m studies nets_on_tools --case 'start*'`.
 _SIDE_BY_SIDE, _LOCAL = 32, 40
 
+# Generations, and changes of the local search, without an improvement after which the
+# search ends.  Measured by `python -m studies nets_on_tools --case 'start*'`.
+_GENERATIONS, _CHANGES = 2, 10
+
 # Ends of the local search: change of the place relative to the part, and of the measure
 # in radians, 0.01°.
 _PLACE, _ANGLE = 1e-3, 2e-4
@@ -59,6 +64,9 @@ class BestStart:
         Directions of the x axis of the ply there, shape (3, n).
     measures
         Their measures in radians, shape (n,); NaN for nets that do not cover the part.
+    others
+        Measures in radians of the further starts, which are at least ``measure``; NaN
+        as above.
     """
 
     start: NetStart
@@ -67,6 +75,7 @@ class BestStart:
     points: ndarray
     directions: ndarray
     measures: ndarray
+    others: ndarray
 
 
 def best_start(
@@ -84,9 +93,10 @@ def best_start(
 ) -> BestStart:
     """Find the start that minimises the largest, or mean, shear angle over a part.
 
-    Places and directions are compared by differential evolution and improved by the
-    method of Nelder and Mead.  Nets that fold on the part, or do not cover it, are
-    excluded.
+    Places and directions are compared by differential evolution, beginning with the
+    first of the further starts, and improved by the method of Nelder and Mead.  Both
+    end when the measure improves no more.  Nets that fold on the part, or do not cover
+    it, are excluded.
 
     Parameters
     ----------
@@ -110,9 +120,10 @@ def best_start(
         axis of the tool, see `Axes.at`.
     others
         Further starts with which the best of the search are compared, such as the
-        default.
+        default; none is better than the result.
     trials
-        Number of nets of the global search, which are followed by at most 40 others.
+        Largest number of nets of the global search, which are followed by at most 40
+        others.
     seed
         Seed of the search.
 
@@ -133,8 +144,6 @@ def best_start(
     >>> bool(best.measure < np.radians(0.1))
     True
     """
-    from scipy.optimize import differential_evolution, minimize
-
     cell = positive_length("best start: cell", cell)
     if measure not in get_args(Measure):
         raise ValueError(
@@ -144,9 +153,21 @@ def best_start(
     rods = positive_length("best start: search cell", search_cell or cell)
     part = tool.facets.points if points is None else np.asarray(points, dtype=float)
     search = _Search(tool, rods, angles, _thinned(part, seed), measure, fixed_direction)
+    with shown(search.progress):
+        if not others or search(search.place(others[0])[:, None])[0] > _ANGLE:
+            _run(search, trials, seed, others)
+        return search.best(cell, others)
+
+
+def _run(search: "_Search", trials: int, seed: int, others: Sequence[NetStart]) -> None:
+    """Compare starts over the part, then around the best of them."""
+    from scipy.optimize import differential_evolution, minimize
+
     found = differential_evolution(
         lambda x: search(x.reshape(len(search.bounds), -1)),
         search.bounds,
+        x0=search.place(others[0]) if others else None,
+        callback=_Patience(_GENERATIONS),
         popsize=_SIDE_BY_SIDE // 3,
         maxiter=max(trials // _SIDE_BY_SIDE - 1, 0),
         seed=seed,
@@ -162,6 +183,7 @@ def best_start(
             lambda x: float(search(x[:, None])[0]),
             found.x,
             method="Nelder-Mead",
+            callback=_Patience(_CHANGES),
             options={
                 "initial_simplex": found.x + steps,
                 "maxfev": _LOCAL,
@@ -169,7 +191,6 @@ def best_start(
                 "fatol": _ANGLE,
             },
         )
-    return search.best(cell, others)
 
 
 def shear_over(net: Net, points: ndarray) -> ndarray:
@@ -234,6 +255,21 @@ class _Tried(NamedTuple):
     net: Net | None
 
 
+class _Patience:
+    """End of a search after a number of changes without an improvement."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._least, self._waited = most, np.inf, 0
+
+    def __call__(self, intermediate_result: Any) -> None:
+        """Count a generation, or a change."""
+        value = float(intermediate_result.fun)
+        self._waited = 0 if value < self._least - _ANGLE else self._waited + 1
+        self._least = min(value, self._least)
+        if self._waited >= self._most:
+            raise StopIteration
+
+
 class _Search:
     """Objective of the search as a function of start point and direction.
 
@@ -274,6 +310,12 @@ class _Search:
             self.bounds.append((0.0, turn))
         self._tried: list[_Tried] = []
 
+    def progress(self) -> str:
+        """Number of nets that were laid, and the least shear of those that cover."""
+        least = min((one.value for one in self._tried), default=_EXCLUDED)
+        found = f", the best with {np.degrees(least):.1f}°" * (least < _EXCLUDED)
+        return f"comparing starts: {len(self._tried)} nets{found}"
+
     def __call__(self, x: ndarray) -> ndarray:
         """Objectives of n starts, given by points and directions, (3, n) or (2, n)."""
         found = self._measured(self._starts(x), self._cell)
@@ -297,8 +339,10 @@ class _Search:
         tried = [(np.asarray(s.point), np.asarray(s.first)) for s, *_ in self._tried]
         points, directions = np.array(tried).transpose(1, 2, 0)
         values = np.array([one.value for one in self._tried])
-        measures = np.where(values < _EXCLUDED, values, np.nan)
-        return BestStart(best.start, best.net, best.value, points, directions, measures)
+        given = np.array([one.value for one in found[len(starts) :]])
+        measures, known = (np.where(x < _EXCLUDED, x, np.nan) for x in (values, given))
+        best_net = best.start, best.net, best.value
+        return BestStart(*best_net, points, directions, measures, known)
 
     def _measured(self, starts: Sequence[NetStart], cell: float) -> "list[_Tried]":
         """Lay the nets of several starts at once, and evaluate their objectives."""
@@ -308,6 +352,13 @@ class _Search:
             laid = nets(self._tool, cell, some, angles=self._angles)
             found += [self._of(*of) for of in zip(some, laid, strict=True)]
         return found
+
+    def place(self, start: NetStart) -> ndarray:
+        """Variables of a start on the tool, within the bounds, (3,) or (2,)."""
+        point, first = (self._axes @ np.asarray(x) for x in (start.point, start.first))
+        x = [*point, np.arctan2(first[1], first[0]) % (0.5 * np.pi)]
+        low, high = np.transpose(self.bounds)
+        return np.clip(x[: len(low)], low, high)
 
     def _starts(self, x: ndarray) -> list[NetStart]:
         """Starts on the tool above points of the plane."""

@@ -13,7 +13,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.cli.net_report import Part, refuse_overlap, useless_darts
 from skfem_textile.io import read_surface
 from tests.helpers import tool_shapes
-from tests.helpers.command_line import summary_in
+from tests.helpers.command_line import rejected, summary_in
 from tests.helpers.curves import write_columns
 from tests.helpers.pages import references
 from tests.helpers.tools import write
@@ -199,7 +199,9 @@ def test_the_best_start_is_searched_over_the_trimmed_part(
     def best_start(*_, **settings):
         searched.update(settings)
         (default,) = settings["others"]
-        return SimpleNamespace(start=default._replace(point=(-25.0, 5.0, -3.3)))
+        start = default._replace(point=(-25.0, 5.0, -3.3))
+        measures = {"measure": 0.1, "measures": [0.1], "others": np.array([0.2])}
+        return SimpleNamespace(start=start, **measures)
 
     monkeypatch.setattr(drape, "best_start", best_start)
     s = np.linspace(-1.0, 1.0, 16, endpoint=False)
@@ -217,6 +219,8 @@ def test_the_best_start_is_searched_over_the_trimmed_part(
     assert high[:2] == pytest.approx([-10, 30], abs=1)
     assert summary["start_at_x_mm"] == pytest.approx(-25, abs=0.1)
     assert summary["fibres_deg"] == pytest.approx(warp)
+    page = (tmp_path / "best" / "net.html").read_text(encoding="utf-8")
+    assert "largest shear angle 5.7°, 11.5° from the default start" in page
     assert summary["area_of_part_mm2"] == pytest.approx(30 * 60 * 1.05, rel=0.05)
 
 
@@ -253,3 +257,50 @@ def test_a_concave_tool_has_a_start_near_its_middle(tmp_path):
     assert summary["cell_mm"] == pytest.approx(1.05, abs=0.01)  # of the diagonal
     start = [summary[f"start_at_{axis}_mm"] for axis in "xy"]
     assert np.hypot(*start) < 10
+
+
+# Plies with an outline of their own, and meshes of the part
+
+OUTLINE = "x,y", "5,5", "45,5", "45,35", "25,45", "5,35"
+
+
+def test_a_ply_with_an_outline_covers_its_own_area(tmp_path, tool):
+    """Its pattern is the outline, its middle is at the start; the part has fibres."""
+    (tmp_path / "ply.csv").write_text("\n".join(OUTLINE))
+    outline = f"--outline {tmp_path / 'ply.csv'} --fibres 30 --cell 3 --point 0 0 0"
+    summary = laid(tmp_path / "out", tool, f"{outline} --part-mesh {tool}")
+    assert summary["pattern_area_mm2"] == pytest.approx(40 * 30 + 200, rel=1e-3)
+    assert summary["area_of_part_mm2"] == pytest.approx(40 * 30 + 200, rel=0.03)
+    assert summary["area_not_covered_mm2"] == 0
+    part = meshio.read(tmp_path / "out" / "part.vtu")
+    x = part.points[part.cells[0].data].mean(axis=1)
+    covered = part.cell_data["covered"][0].astype(bool)
+    assert np.abs(x[covered]).max(axis=0)[:2] == pytest.approx([20, 20], abs=4)
+    assert covered.mean() == summary["part_covered_share_of_elements"]
+
+
+def test_a_ply_that_is_too_small_does_not_cover_the_trimmed_part(tmp_path, tool):
+    (tmp_path / "ply.csv").write_text("\n".join(OUTLINE))
+    s = np.linspace(-1, 1, 12, endpoint=False)
+    one = np.full(12, 1.0)
+    x, y = np.concatenate([s, one, -s, -one]), np.concatenate([-one, s, one, -s])
+    curve = trim(tmp_path / "trim.csv", 30 * x, 10 * y)
+    outline = f"--outline {tmp_path / 'ply.csv'} --cell 3 --point 0 0 0 --trim {curve}"
+    summary = laid(tmp_path / "out", tool, outline, code=1)
+    assert summary["area_not_covered_mm2"] == pytest.approx(2 * 10 * 20, rel=0.2)
+    assert "the ply does not lie on" in summary["pattern"]
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("--layer CUT", "--layer requires --outline"),
+        ("--part-reach 2", "--part-reach requires --part-mesh"),
+        ("--outline ply.csv --best", "--outline cannot be combined with --best"),
+        ("--outline none.csv", "none.csv: No such file"),
+        ("--part-mesh none.stl", "none.stl: no such file"),
+    ],
+)
+def test_an_outline_or_a_part_is_refused(tmp_path, tool, words, text, capsys):
+    line = ["net", "--tool", str(tool), "--out", str(tmp_path / "out")]
+    assert text in rejected(capsys, *line, *words.split())

@@ -1,6 +1,7 @@
 """Tools from files: formats, several solids and files, units, damage."""
 
 import tomllib
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -127,6 +128,8 @@ def test_an_extent_that_indicates_another_unit_is_reported(
     read_surface(file)
     assert [advice in line for line in caplog.messages] == ([True] if advice else [])
     assert all("assumed in mm" in line for line in caplog.messages)
+    with pytest.raises(ValueError, match=advice) if advice else nullcontext():
+        read_surface(file, certain=True)
 
 
 def test_an_extent_beyond_tools_is_reported_with_a_given_unit_too(tmp_path, caplog):

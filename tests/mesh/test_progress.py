@@ -84,10 +84,10 @@ def test_a_terminal_shows_one_line_that_is_erased_at_the_end(terminal, monkeypat
     assert is_erased(text)
 
 
-def test_a_file_receives_a_line_every_ten_seconds(monkeypatch):
+def test_a_file_receives_lines_after_twice_the_time_each(monkeypatch):
     assert output(io.StringIO(), 9.9, monkeypatch) == ""
-    lines = "0:00:10 solving\n0:00:20 solving\n0:00:30 solving\n"
-    assert output(io.StringIO(), 35, monkeypatch) == lines
+    lines = "0:00:10 solving\n0:00:20 solving\n0:00:40 solving\n"
+    assert output(io.StringIO(), 75, monkeypatch) == lines
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
