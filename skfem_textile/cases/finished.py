@@ -22,8 +22,8 @@ from .write import CASE, WRITTEN
 # A state in the list of a .pvd file.
 _STEP = re.compile(r'timestep="([^"]+)" file="([^"]+)"')
 
-# Distance relative to the ply below which nodes of files are those of its mesh: above
-# the rounding of positions that were moved and rotated.
+# Distance relative to the ply below which nodes of a file and of the mesh coincide:
+# above the rounding of positions that were moved and rotated.
 _SAME = 1e-9
 
 
@@ -113,7 +113,7 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
         )
     if ply.nodes.shape != mesh.p.shape:
         raise ValueError(
-            f"{printable(folder)}: the files have no values at the mid-side nodes of "
+            f"{printable(folder)}: the files lack values at the mid-side nodes of "
             "quadratic elements: run the case again with --checkpoint and --resume"
         )
     moves = (axes.turn.T @ moves)[: 3 if case.scene.dimension == 3 else 2]

@@ -103,8 +103,8 @@ class PartExport:
 
     ``curves`` are closed, each (3, n); ``no_curves`` is the reason why there are none,
     and ``trimmed`` is true for user-supplied curves: the outline, then holes. ``reach``
-    is the largest distance of the part from the ply in mm, and ``kinds`` those of the
-    pattern. `write` may write ``files``.
+    is the largest distance of the part from the ply in mm, and ``kinds`` are kinds of
+    files of the pattern. `write` may write ``files``.
     """
 
     part: ToolMesh | None = None

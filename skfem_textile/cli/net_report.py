@@ -34,8 +34,8 @@ class Part(NamedTuple):
     Courses have one pattern for each net.  ``inside`` is the mask of the triangles of
     the tool in the part, ``no_darts`` the reason why darts were left out,
     ``uncut_angle`` the largest shear angle without darts in degrees, ``meets_itself``
-    is true of nets around tubes and closed tools, and ``outline`` is that of the flat
-    ply.
+    is true of nets around tubes and closed tools, and ``outline`` belongs to the
+    flat ply.
     """
 
     tool: TriangleMesh

@@ -361,14 +361,14 @@ class Outline:
     ) -> Self:
         """Outline of a DXF or SVG file, or of a table of closed curves.
 
-        Files are told apart by what they contain.  A table has the columns ``x`` and
+        The content of a file decides what it is.  The columns of a table are ``x`` and
         ``y``, possibly with units as ``x (cm)``, and ``curve`` if there are holes, as
-        the files ``pattern.csv`` of `skfem_textile.io.write_pattern`.
+        in the files ``pattern.csv`` of `skfem_textile.io.write_pattern`.
 
         Parameters
         ----------
         path, tolerance, unit, layer, more
-            See `from_dxf` and `from_svg`; a table has no layers.
+            See `from_dxf` and `from_svg`; tables are without layers.
 
         Raises
         ------

@@ -22,6 +22,7 @@ from skfem_textile.solve.verdict import CHECKS
 
 from ..study import Row
 from . import triangles
+from .outlines import Outlined, outline_cases
 
 #: Kinds of cases.
 REFERENCE, PEAK = "reference", "peak"
@@ -297,7 +298,7 @@ class Peak:
 
 
 #: Any case.
-AnyCase: TypeAlias = Reference | Random | Compared | Peak
+AnyCase: TypeAlias = Reference | Random | Compared | Peak | Outlined
 
 
 def all_cases(seed: int) -> list[AnyCase]:
@@ -310,6 +311,7 @@ def all_cases(seed: int) -> list[AnyCase]:
         *(Random(SLACK, i, seed) for i in range(40)),
         *(Random(DEEP, i, seed) for i in range(12)),
         *(Peak(cells) for cells in (6, 12, 18)),
+        *outline_cases(),
         *(Compared(JUDGED, i, seed) for i in range(30)),
         *(Compared(CHOSEN, i, seed) for i in range(8)),
     ]

@@ -18,6 +18,7 @@ from .cases import (
     Reference,
     all_cases,
 )
+from .outlines import OUTLINE, outline_table
 
 # Kinds of random hemispheres, and their names in tables.
 _KINDS = {
@@ -172,6 +173,7 @@ class Forming(Study[AnyCase]):
             cases=(f"{CHOSEN},*", f"{JUDGED},*"),
         ),
         Part("peak.csv", {"peak.md": peaks}, cases=(f"{PEAK},*",)),
+        Part("outlines.csv", {"outlines.md": outline_table}, cases=(f"{OUTLINE},*",)),
     )
     shown = "{solves} solves"
     sample = str(Reference(6, 5))

@@ -76,7 +76,7 @@ def test_the_part_has_the_fibres_of_the_formed_ply(formed):
 
 
 def test_a_finished_run_is_exported_without_computing_it(formed, capsys, monkeypatch):
-    """A part, and a trimmed pattern with a hole in the kinds that are asked for."""
+    """A part, and a trimmed pattern with a hole in the requested kinds."""
     monkeypatch.setattr("skfem_textile.solve.stepper.LoadStepper.run", lambda *_: 1 / 0)
     before = (formed / "out" / "part.csv").read_bytes()
     finished = read_result(formed / "out")

@@ -259,7 +259,7 @@ def test_a_concave_tool_has_a_start_near_its_middle(tmp_path):
     assert np.hypot(*start) < 10
 
 
-# Plies with an outline of their own, and meshes of the part
+# Plies with a user-defined outline, and meshes of the part
 
 OUTLINE = "x,y", "5,5", "45,5", "45,35", "25,45", "5,35"
 
