@@ -1,7 +1,7 @@
 """Plies with outlines of their own on meshes of several kinds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -103,7 +103,7 @@ def _mesh(outline: Outline, kind: str, across: int, angle: float) -> Mesh:
     turned = Outline(turn @ outline.polygon, [turn @ hole for hole in outline.holes])
     mesh = quadrilaterals(turned, size)
     mesh = mesh if hasattr(mesh, "cells") else split(mesh)
-    return mesh.mapped(lambda x: turn.T @ x)
+    return replace(mesh, doflocs=turn.T @ mesh.p)
 
 
 def _rotation(angle: float) -> ndarray:
