@@ -23,6 +23,11 @@ from .fabrics import (
 from .meshes import (
     read_mesh as read_mesh,
 )
+from .part_decks import (
+    PartDeck as PartDeck,
+    read_part_deck as read_part_deck,
+    write_part_deck as write_part_deck,
+)
 from .results import (
     FIELDS as FIELDS,
     write_fields as write_fields,

@@ -22,11 +22,15 @@ from .file_numbers import (
 
 
 class Block(NamedTuple):
-    """Keyword, its parameters, and the words of its data lines."""
+    """Keyword, its parameters, the words of its data lines, and all its line numbers.
+
+    Lines are numbered from 0 on, without those of comments.
+    """
 
     keyword: str
     parameters: dict[str, str]
     data: list[list[bytes]]
+    lines: list[int]
 
     def __str__(self) -> str:
         name = self.parameters.get(self.keyword)
@@ -40,9 +44,10 @@ def without_trailing_comma(words: list[bytes]) -> list[bytes]:
 
 def blocks(content: bytes) -> Iterator[Block]:
     """All keywords, each with its data."""
-    lines = re.split(rb"\r\n|\n|\r", content)
-    stripped = (line.strip() for line in lines)
-    lines = [line for line in stripped if line and not line.startswith(b"**")]
+    stripped = (line.strip() for line in re.split(rb"\r\n|\n|\r", content))
+    numbered = enumerate(stripped)
+    kept = [(i, x) for i, x in numbered if x and not x.startswith(b"**")]
+    numbers, lines = [i for i, _ in kept], [x for _, x in kept]
     starts = [i for i, line in enumerate(lines) if line.startswith(b"*")]
     if starts[:1] != [0]:
         raise MeshError("the file does not begin with an Abaqus keyword")
@@ -56,7 +61,8 @@ def blocks(content: bytes) -> Iterator[Block]:
         data = [
             [word.strip() for word in line.split(b",")] for line in lines[first:end]
         ]
-        block = Block(" ".join(keyword.upper().split()), parameters, data)
+        name = " ".join(keyword.upper().split())
+        block = Block(name, parameters, data, numbers[start:end])
         if len(parameters) < len(pairs):
             raise MeshError(f"{block}: a parameter is given twice")
         yield block
@@ -79,23 +85,29 @@ _PARAMETERS = {
     "INSTANCE": {"NAME", "PART"},
 }
 
-# Keywords without effect on the mesh, and keywords that generate or modify parts of it.
+# Keywords without effect on the mesh.
 _WITHOUT_EFFECT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
-_GENERATING = (
+
+#: Keywords that generate or modify parts of a mesh.
+GENERATING = (
     *("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY"),
     *("IMPORT", "IMPERFECTION", "SYMMETRIC MODEL GENERATION", "PARAMETER"),
 )
 
 
 @dataclass
-class _Deck:
+class Deck:
     """Numbers and positions of nodes, elements, and sets by keyword and name.
 
     ``blocks`` has cell type, numbers, nodes and set of each ``*ELEMENT``.  A generated
     set has at most one member for each line of the file.  ``part`` and ``instance`` are
     the names of both, ``after`` has the keywords of nodes and elements in the assembly
-    after the instance, and ``of_assembly`` their sets.
+    after the instance, and ``of_assembly`` their sets.  ``cells`` are the cell and the
+    number of nodes of each supported type; with ``joins``, sets of one name are joined.
     """
+
+    cells: Mapping[str, tuple[str, int]] = field(default_factory=lambda: _CELLS)
+    joins: bool = False
 
     tags: ndarray | None = None
     points: ndarray = field(default_factory=lambda: np.empty((0, 3)))
@@ -175,8 +187,8 @@ def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
     return numbers, sets
 
 
-def _deck(content: bytes) -> _Deck:
-    deck, keywords = _Deck(n_lines=content.count(b"\n") + content.count(b"\r")), set()
+def _deck(content: bytes) -> Deck:
+    deck, keywords = Deck(n_lines=content.count(b"\n") + content.count(b"\r")), set()
     for block in blocks(content):
         if block.keyword in ("PART", "INSTANCE") and block.keyword in keywords:
             raise MeshError(
@@ -185,17 +197,18 @@ def _deck(content: bytes) -> _Deck:
             )
         keywords.add(block.keyword)
         with errors_about(block):
-            _read_block(deck, block)
+            read_block(deck, block)
     return deck
 
 
-def _read_block(deck: _Deck, block: Block) -> None:
-    keyword, parameters, data = block
+def read_block(deck: Deck, block: Block) -> None:
+    """Add the content of a block to a deck."""
+    keyword, parameters, data, _ = block
     if keyword in ("INSTANCE", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
         deck.within = "" if keyword == "END ASSEMBLY" else keyword
     if keyword == "INCLUDE":
         raise MeshError("this keyword is not supported: put the mesh in one file")
-    if keyword in _GENERATING:
+    if keyword in GENERATING:
         raise MeshError(
             "this keyword is not supported: list nodes and elements one by one"
         )
@@ -216,15 +229,18 @@ def _read_block(deck: _Deck, block: Block) -> None:
         deck.instance = _name_of(parameters, "NAME")
         _place(deck, data)
     elif keyword == "ELEMENT":
-        kind, corners = _cell(parameters.get("TYPE", ""))
+        kind, corners = _cell(deck.cells, parameters.get("TYPE", ""))
         rows = _elements(data, 1 + corners)
         name = deck.spelling("ELSET", parameters) if "ELSET" in parameters else None
         deck.blocks.append((kind, rows[:, 0], rows[:, 1:], name))
     elif keyword in ("NSET", "ELSET"):
         name = deck.spelling(keyword, parameters)
+        members = _set_members(deck, block)
         if (keyword, name) in deck.sets:
-            raise MeshError("this set is defined twice: use unique names")
-        deck.sets[keyword, name] = _set_members(deck, block)
+            if not deck.joins:
+                raise MeshError("this set is defined twice: use unique names")
+            members = np.union1d(deck.sets[keyword, name], members)
+        deck.sets[keyword, name] = members
     elif keyword.removeprefix("END ") not in _WITHOUT_EFFECT:
         deck.ignored.append(f"*{keyword}")
 
@@ -234,7 +250,7 @@ def _name_of(parameters: dict[str, str], key: str) -> str:
     return parameters.get(key, "").strip('"').upper()
 
 
-def _refuse_unknown(deck: _Deck, block: Block) -> None:
+def _refuse_unknown(deck: Deck, block: Block) -> None:
     """Refuse the name of a part or an instance that is not defined before."""
     parameters, known = block.parameters, {"INSTANCE": deck.instance}
     if block.keyword == "INSTANCE" and deck.part:
@@ -247,12 +263,12 @@ def _refuse_unknown(deck: _Deck, block: Block) -> None:
             )
 
 
-def _is_of_the_assembly(deck: _Deck, block: Block) -> bool:
+def _is_of_the_assembly(deck: Deck, block: Block) -> bool:
     """True if a block after the instance has items of the assembly, or their sets.
 
     Numbers of the assembly are independent of numbers of the instance.
     """
-    keyword, parameters, data = block
+    keyword, parameters, data, _ = block
     if keyword in ("NODE", "ELEMENT"):
         deck.after.add(keyword)
         sets = {"NSET", "ELSET"} & set(parameters)
@@ -274,9 +290,7 @@ def _is_of_the_assembly(deck: _Deck, block: Block) -> bool:
     return is_own
 
 
-def _add_nodes(
-    deck: _Deck, parameters: dict[str, str], data: list[list[bytes]]
-) -> None:
+def _add_nodes(deck: Deck, parameters: dict[str, str], data: list[list[bytes]]) -> None:
     tags, points = _nodes(data)
     if "NSET" in parameters:
         key = "NSET", deck.spelling("NSET", parameters)
@@ -294,8 +308,25 @@ def _add_nodes(
         deck.points = np.vstack([deck.points.reshape(-1, points.shape[1]), points])
 
 
-def _place(deck: _Deck, data: list[list[bytes]]) -> None:
-    """Translate the nodes so far, then rotate them about an axis.
+def _place(deck: Deck, data: list[list[bytes]]) -> None:
+    """Move the nodes so far."""
+    turn, shift = motion(data)
+    if deck.tags is None:
+        if shift.any() or not np.array_equal(turn, np.eye(3)):
+            raise MeshError("*PART with the nodes must precede a moved instance")
+        return
+    if data:
+        deck.points, deck.moved = in_space(deck.points) @ turn.T + shift, True
+        deck.rotated = not np.array_equal(turn, np.eye(3))
+
+
+def in_space(points: ndarray) -> ndarray:
+    """Points of shape (n, 2) or (n, 3) with three coordinates."""
+    return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+
+
+def motion(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
+    """Rotation matrix and translation of an instance, which is translated first.
 
     The first line contains the translation; a second one has two points a and b and the
     right-handed angle about the axis from a to b, in degrees.
@@ -308,21 +339,16 @@ def _place(deck: _Deck, data: list[list[bytes]]) -> None:
             "the position must be a line with a translation, and possibly a line with "
             "two points of an axis and an angle"
         )
-    if not rows or deck.tags is None:
-        if any(map(np.any, rows)):
-            raise MeshError("*PART with the nodes must precede a moved instance")
-        return
-    x, deck.moved = np.zeros((len(deck.points), 3)), True
-    x[:, : deck.points.shape[1]] = deck.points
-    x += rows[0]
+    turn, shift = np.eye(3), rows[0] if rows else np.zeros(3)
     for row in rows[1:]:
         axis = row[3:6] - row[:3]
         if not (length := np.linalg.norm(axis)):
             raise MeshError("the two points of the axis coincide")
-        deck.rotated = bool(row[6] % 360)
-        turn = Rotation.from_rotvec(row[6] * axis / length, degrees=True)
-        x = row[:3] + turn.apply(x - row[:3])
-    deck.points = x
+        if row[6] % 360:
+            turn = Rotation.from_rotvec(row[6] * axis / length, degrees=True)
+            turn = turn.as_matrix()
+        shift = row[:3] + turn @ (shift - row[:3])
+    return turn, shift
 
 
 def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
@@ -340,10 +366,10 @@ def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
     return tags, x.reshape(-1, width)
 
 
-def _cell(element: str) -> tuple[str, int]:
+def _cell(cells: Mapping[str, tuple[str, int]], element: str) -> tuple[str, int]:
     """Cell of an element, and its number of nodes."""
     try:
-        return _CELLS[element.upper()]
+        return cells[element.upper()]
     except KeyError:
         raise MeshError(
             "only triangles and four-node quadrilaterals, such as CPS3 and CPS4, are "
@@ -374,25 +400,25 @@ def _elements(data: list[list[bytes]], width: int) -> ndarray:
     return from_words([word for row in rows for word in row], "i8").reshape(-1, width)
 
 
-def _set_members(deck: _Deck, block: Block) -> ndarray:
+def _set_members(deck: Deck, block: Block) -> ndarray:
     """Numbers of the members of a set, which may name sets defined before."""
-    keyword, parameters, data = block
+    keyword, parameters, data, _ = block
     lines = [list(map(deck.local, without_trailing_comma(line))) for line in data]
     words = [word for line in lines for word in line]
     if "ELSET" in parameters and keyword == "NSET":
         if words or "GENERATE" in parameters:
             raise MeshError("a set of nodes with ELSET= has no data lines")
         name = deck.local(parameters["ELSET"].encode())
-        return _nodes_of_elements(deck, _members_of(deck, "ELSET", name))
+        return _nodes_of_elements(deck, members_of(deck, "ELSET", name))
     if "GENERATE" in parameters:
         return _generated(lines, deck.n_lines)
     names = [word for word in words if not word.isdigit()]
     parts = [from_words([word for word in words if word.isdigit()], "i8")]
-    parts += [_members_of(deck, keyword, word) for word in names]
+    parts += [members_of(deck, keyword, word) for word in names]
     return np.unique(np.concatenate(parts))
 
 
-def _members_of(deck: _Deck, keyword: str, word: bytes) -> ndarray:
+def members_of(deck: Deck, keyword: str, word: bytes) -> ndarray:
     """Members of a set that is defined so far."""
     name = word.decode(errors="replace").strip('"').upper()
     deck.used.add((keyword, name))
@@ -410,7 +436,7 @@ def _members_of(deck: _Deck, keyword: str, word: bytes) -> ndarray:
     return np.concatenate(found)
 
 
-def _nodes_of_elements(deck: _Deck, members: ndarray) -> ndarray:
+def _nodes_of_elements(deck: Deck, members: ndarray) -> ndarray:
     nodes = [n[np.isin(numbers, members)].ravel() for _, numbers, n, _ in deck.blocks]
     return np.unique(np.concatenate([np.empty(0, "i8"), *nodes]))
 
@@ -438,7 +464,7 @@ def _generated(lines: list[list[bytes]], n_lines: int) -> ndarray:
     return np.unique(np.concatenate(ranges))
 
 
-def _mesh(deck: _Deck) -> meshio.Mesh:
+def _mesh(deck: Deck) -> meshio.Mesh:
     if deck.tags is None or not deck.blocks:
         raise MeshError(
             f"the file contains no *{'NODE' if deck.tags is None else 'ELEMENT'}"
@@ -478,7 +504,7 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
     return meshio.Mesh(deck.points, cells, point_sets=nodes, cell_sets=elements)
 
 
-def _drop_unused_nodes(deck: _Deck) -> None:
+def _drop_unused_nodes(deck: Deck) -> None:
     """Omit nodes of no element, such as reference points, also from the sets."""
     assert deck.tags is not None
     used = np.isin(deck.tags, np.concatenate([n.ravel() for _, _, n, _ in deck.blocks]))
@@ -527,25 +553,24 @@ def deck_of(
     Elements with NaN directions form the set ``NOT_COVERED``, the others ``COVERED``.
     """
     covered = np.isfinite(warp).all(axis=0)
-    return "\n".join(
-        [
-            "*HEADING",
-            "mesh and fibre directions, by skfem_textile; lengths in mm",
-            *_mesh_lines(cells, points),
-            *(
-                x
-                for name, nodes in node_sets.items()
-                for x in _set("NSET", name, nodes)
-            ),
-            *([] if covered.all() else _set("ELSET", COVERED, np.flatnonzero(covered))),
-            *_set("ELSET", NOT_COVERED, np.flatnonzero(~covered)),
-            "*DISTRIBUTION TABLE, NAME=AXES",
-            "COORD3D, COORD3D",
-            *_family(WARP, warp, normal),
-            *_family(WEFT, weft, normal),
-            "",
-        ]
-    )
+    number = np.arange(1, 1 + len(covered))
+    lines = [
+        "*HEADING",
+        "mesh and fibre directions, by skfem_textile; lengths in mm",
+        *_mesh_lines(cells, points),
+    ]
+    for name, nodes in node_sets.items():
+        identifier = re.sub(r"\W", "_", name)
+        lines += set_lines("NSET", identifier, (nodes + 1).tolist())
+    if not covered.all():
+        lines += set_lines("ELSET", COVERED, number[covered].tolist())
+    lines += set_lines("ELSET", NOT_COVERED, number[~covered].tolist())
+    lines += ["*DISTRIBUTION TABLE, NAME=AXES", "COORD3D, COORD3D"]
+    for name, family in ((WARP, warp), (WEFT, weft)):
+        across = np.cross(normal, family, axis=0)
+        a, b = family[:, covered], across[:, covered]
+        lines += axes_lines(name, "AXES", number[covered].tolist(), a, b)
+    return "\n".join([*lines, ""])
 
 
 def _mesh_lines(cells: Sequence[ndarray], points: ndarray) -> Iterator[str]:
@@ -561,23 +586,30 @@ def _mesh_lines(cells: Sequence[ndarray], points: ndarray) -> Iterator[str]:
         first += cell.shape[1]
 
 
-def _set(keyword: str, name: str, members: ndarray) -> Iterator[str]:
-    """Set of items, with numbers from 0 on."""
-    if not len(members):
-        return
-    identifier = re.sub(r"\W", "_", name)
-    yield f"*{keyword}, {keyword}={identifier}"
-    for i in range(0, len(members), _IN_A_LINE):
-        yield ", ".join(map(str, (members[i : i + _IN_A_LINE] + 1).tolist()))
+def set_lines(keyword: str, name: str, numbers: Sequence[int]) -> Iterator[str]:
+    """Set of nodes or elements by their numbers; none if it is empty."""
+    if len(numbers):
+        yield f"*{keyword}, {keyword}={name}"
+    for i in range(0, len(numbers), _IN_A_LINE):
+        yield ", ".join(map(str, numbers[i : i + _IN_A_LINE]))
 
 
-def _family(name: str, direction: ndarray, normal: ndarray) -> Iterator[str]:
-    """Orientation of a family and its distribution."""
+def distribution_lines(
+    name: str, table: str, default: str, numbers: Sequence[int], values: ndarray
+) -> Iterator[str]:
+    """Distribution of values on elements, shape (n_values, n), at full precision."""
+    yield f"*DISTRIBUTION, NAME={name}, LOCATION=ELEMENT, TABLE={table}"
+    yield f", {default}"
+    for number, row in zip(numbers, (values + 0.0).T.tolist(), strict=True):  # no -0.0
+        yield ", ".join([str(number), *map(repr, row)])
+
+
+def axes_lines(
+    name: str, table: str, numbers: Sequence[int], a: ndarray, b: ndarray
+) -> Iterator[str]:
+    """Orientation with points a and b of each element, shape (3, n), and its table."""
     yield f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR"
     yield f"{name}_AXES"
     yield "3, 0."
-    yield f"*DISTRIBUTION, NAME={name}_AXES, LOCATION=ELEMENT, TABLE=AXES"
-    yield ", 1., 0., 0., 0., 1., 0."
-    axes = np.vstack([direction, np.cross(normal, direction, axis=0)]) + 0.0  # no -0.0
-    for i in np.flatnonzero(np.isfinite(axes).all(axis=0)):
-        yield ", ".join(map(repr, [int(i) + 1, *axes[:, i].tolist()]))
+    values, x_y = np.vstack([a, b]), "1., 0., 0., 0., 1., 0."
+    yield from distribution_lines(f"{name}_AXES", table, x_y, numbers, values)

@@ -283,7 +283,7 @@ def directions_of_deck(content: bytes) -> tuple[ndarray, ndarray] | None:
 
 def _store(deck: _Deck, block: Block) -> None:
     """Store a block if it defines directions."""
-    keyword, parameters, data = block
+    keyword, parameters, data, _ = block
     name = parameters.get("NAME", "").upper()
     blocks = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
     if keyword in _SECTIONS:

@@ -21,8 +21,8 @@ from .file_numbers import errors_about, from_words
 
 _LAWS = {"LAW58": 58, "FABR_A": 58, "LAW158": 158, "FABR_NL": 158}
 
-# Width of a column of a card; floating-point numbers take two.
-_COLUMN = 10
+#: Width of a column of a card; floating-point numbers take two.
+COLUMN = 10
 
 # Fields of the cards by name: first column, and number of columns.
 _CARDS_58 = (
@@ -68,11 +68,12 @@ _OTHERS = {
 }
 
 
-class _Option(NamedTuple):
-    """Keyword, the parts of its name, and its cards."""
+class Option(NamedTuple):
+    """Parts of the name of a keyword, its cards, and the numbers of all its lines."""
 
     name: list[str]
     cards: list[str]
+    lines: list[int]
 
 
 def read(
@@ -88,10 +89,10 @@ def read(
         If the deck violates its format or has no such material, or if no thickness is
         given.
     """
-    options = _options(content)
+    every = options(content)
     laws = [
         o
-        for o in options
+        for o in every
         if o.name[0] == "MAT" and o.name[1:2] and o.name[1].upper() in _LAWS
     ]
     if material is not None:
@@ -109,23 +110,27 @@ def read(
         raise MeshError(f"{excerpt(name)}: specify the thickness in mm")
     law, scale = _LAWS[option.name[1].upper()], thickness * stress
     with errors_about(excerpt(name)):
-        tables = _Functions(options, scale)
+        tables = _Functions(every, scale)
         fields = _fields(option.cards, *_CARDS[law])
         ignored = _ignored(option, fields)
         build = _law58 if law == 58 else _law158
         return build(fields, scale, tables, ignored), ignored
 
 
-def _options(content: bytes) -> list[_Option]:
-    options: list[_Option] = []
-    for line in re.split(r"\r\n|\n|\r", content.decode("utf-8", "replace")):
+def options(content: bytes) -> list[Option]:
+    """All keywords, each with its cards."""
+    found: list[Option] = []
+    text = content.decode("utf-8", "replace")
+    for number, line in enumerate(re.split(r"\r\n|\n|\r", text)):
         if line.startswith("/"):
-            options.append(_Option([p.strip() for p in line[1:].split("/")], []))
-        elif options and not line.startswith(("#", "$")):
-            options[-1].cards.append(line)
-    if not options:
+            parts = [part.strip() for part in line[1:].split("/")]
+            found.append(Option(parts, [], [number]))
+        elif found and not line.startswith(("#", "$")):
+            found[-1].cards.append(line)
+            found[-1].lines.append(number)
+    if not found:
         raise MeshError("the file contains no OpenRadioss keyword")
-    return options
+    return found
 
 
 def _fields(
@@ -145,7 +150,7 @@ def _fields(
     for number, fields_of_card in enumerate(layout):
         card = cards[number + 1] if number + 1 < len(cards) else ""
         for name, (first, width) in fields_of_card.items():
-            word = card[_COLUMN * first : _COLUMN * (first + width)].strip()
+            word = card[COLUMN * first : COLUMN * (first + width)].strip()
             kind = "i8" if width == 1 else "f8"
             with errors_about(name):
                 fields[name] = from_words([word.encode() or b"0"], kind).item()
@@ -157,7 +162,7 @@ def _fields(
     return fields
 
 
-def _ignored(option: _Option, fields: dict[str, float]) -> list[str]:
+def _ignored(option: Option, fields: dict[str, float]) -> list[str]:
     reasons = [f"{n}: {why}" for n, why in _OTHERS.items() if fields.get(n)]
     if option.name[3:4] not in ([], [""], ["0"]):
         reasons.append(
@@ -170,7 +175,7 @@ def _ignored(option: _Option, fields: dict[str, float]) -> list[str]:
 class _Functions:
     """Functions (/FUNCT) of a deck, as laws in N/mm."""
 
-    def __init__(self, options: list[_Option], scale: float) -> None:
+    def __init__(self, options: list[Option], scale: float) -> None:
         self._scale = scale
         self._cards = {
             o.name[1]: o.cards

@@ -1,0 +1,103 @@
+"""Plies on the shells of a structural part: layers, thickness and angles of fibres.
+
+A woven ply is two families of unidirectional layers, of half its thickness each.  In
+two layers, one on the other, stretching would bend the ply.  The order of `SEQUENCE`
+(Thue and Morse) has the same zeroth, first and second moment through the thickness for
+both families: stretching does not bend the ply, and with the thickness t its bending
+stiffness is t²/12 times its stretching stiffness, as of a homogeneous sheet.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from ..nets.sheet import FibresInSpace
+from ..surfaces.tool_mesh import ToolMesh, unit
+
+WARP, WEFT = "WARP", "WEFT"
+
+#: Families of the layers of a ply, from the side opposite to the normal.
+SEQUENCE = (WARP, WEFT, WEFT, WARP, WEFT, WARP, WARP, WEFT)
+
+
+class Element(NamedTuple):
+    """Shell or membrane of a deck.
+
+    ``nodes`` are node numbers, the first ``n_corners`` of them at corners.  ``scope``
+    is the instance, and ``owner`` the part or property.  ``lines`` are the first line
+    of the element and the one after the last.
+    """
+
+    number: int
+    kind: str
+    nodes: tuple[int, ...]
+    n_corners: int
+    scope: str
+    owner: str
+    lines: tuple[int, int]
+
+    @property
+    def corners(self) -> tuple[int, ...]:
+        """Nodes at different corners."""
+        return tuple(dict.fromkeys(self.nodes[: self.n_corners]))
+
+
+@dataclass(frozen=True, eq=False)
+class Layup:
+    """Fibres and thickness of a ply in the shells of a part, in the order of its mesh.
+
+    ``warp``, ``weft`` and ``normal`` are unit vectors of shape (3, n), normals by the
+    order of nodes.  ``thickness`` is in mm, shape (n,), and NaN for elements that the
+    ply does not cover.  ``rest`` is the thickness at rest, or the mean of the others.
+    """
+
+    warp: ndarray
+    weft: ndarray
+    normal: ndarray
+    thickness: ndarray
+    rest: float
+
+    @classmethod
+    def of(
+        cls, mesh: ToolMesh, fibres: FibresInSpace, thickness: float | ndarray
+    ) -> "Layup":
+        """Layup of fibres, with the thickness at rest or that of each element."""
+        of_elements, shear = np.asarray(thickness, dtype=float), fibres.shear_angle
+        if of_elements.ndim == 0:
+            of_elements = of_elements / np.cos(shear)
+        of_elements = np.where(fibres.covered, of_elements, np.nan)
+        rest = float(np.nanmean(thickness) if np.ndim(thickness) else thickness)
+        return cls(fibres.warp, fibres.weft, mesh.normals(), of_elements, rest)
+
+    @property
+    def covered(self) -> ndarray:
+        """Mask of the elements with the ply, shape (n,)."""
+        return np.isfinite(self.thickness)
+
+    def across(self) -> ndarray:
+        """Directions in the elements at 90° to the warp, shape (3, n)."""
+        return np.cross(self.normal, self.warp, axis=0)
+
+    def turn_of_weft(self) -> ndarray:
+        """Angle from the warp to the weft in degrees about the normal, shape (n,)."""
+        return self.angles_deg(self.warp)[1]
+
+    def angles_deg(self, axis: ndarray) -> tuple[ndarray, ndarray]:
+        """Angles of warp and weft in degrees about the normal, shape (n,) each.
+
+        ``axis`` has vectors of shape (3, n), which are projected onto the elements.
+        """
+        x = unit(axis - self.normal * (axis * self.normal).sum(axis=0))
+        y = np.cross(self.normal, x, axis=0)
+        warp, weft = (
+            np.degrees(np.arctan2((y * v).sum(axis=0), (x * v).sum(axis=0))) + 0.0
+            for v in (self.warp, self.weft)
+        )
+        return warp, weft
+
+    def skew_deg(self) -> float:
+        """Largest deviation of the families from a right angle in degrees."""
+        sine = np.abs((self.warp * self.weft).sum(axis=0))[self.covered]
+        return float(np.degrees(np.arcsin(np.clip(sine, 0, 1)).max(initial=0.0)))

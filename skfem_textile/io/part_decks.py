@@ -1,0 +1,274 @@
+"""Decks of structural parts, read and written with the fibres of a draped ply.
+
+The copy of a deck keeps labels, types of elements, sets and include files.
+"""
+
+import logging
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..mesh.checks import MeshError
+from ..mesh.user_input import printable
+from ..nets.sheet import FibresInSpace
+from ..surfaces.tool_mesh import ToolMesh
+from .calculix import calculix_deck
+from .draping import write_fibres
+from .file_numbers import errors_about
+from .layups import Element, Layup
+from .meshes import refuse_no_file
+from .part_abaqus import AbaqusDeck
+from .part_cards import DynaDeck, NastranDeck, RadiossDeck
+
+log = logging.getLogger(__name__)
+
+_FORMATS: dict[tuple[str, ...], Any] = {
+    (".inp",): AbaqusDeck,
+    (".bdf", ".nas", ".dat"): NastranDeck,
+    (".k", ".key", ".dyn"): DynaDeck,
+    (".rad",): RadiossDeck,
+}
+_READERS = {name: form for names, form in _FORMATS.items() for name in names}
+
+#: Suffixes of the decks that `read_part_deck` reads.
+SUFFIXES = tuple(_READERS)
+
+# Numbers of elements that a message lists.
+_LISTED = 5
+
+
+@dataclass(frozen=True, eq=False)
+class PartDeck:
+    """Shells and membranes of the deck of a structural part.
+
+    Attributes
+    ----------
+    path
+        The file.
+    mesh
+        The elements by their corners, in global axes: all with as many corners as the
+        first, then the others.
+    labels
+        Numbers of the elements in the order of the mesh, shape (n_elements,).
+    types
+        Their types as in the deck.
+    instances
+        The instance of each element; empty if there are none.
+    sets
+        Positions in the mesh of the members of each set, part or property, ascending;
+        sets of an instance as ``INSTANCE.SET``.
+    """
+
+    path: Path
+    mesh: ToolMesh
+    labels: ndarray
+    types: tuple[str, ...]
+    instances: tuple[str, ...]
+    sets: dict[str, ndarray]
+    _form: Any
+    _elements: tuple[Element, ...]
+
+
+def read_part_deck(path: str | os.PathLike[str]) -> PartDeck:
+    """Read the shells and membranes of a deck, with its include files.
+
+    By suffix: ``.inp`` of Abaqus and CalculiX, with parts and instances; ``.bdf``,
+    ``.nas`` and ``.dat`` of Nastran; ``.k``, ``.key`` and ``.dyn`` of LS-DYNA; ``.rad``
+    of the starter of OpenRadioss.  Quadratic elements are read by their corners,
+    continuum shells by their middle surface.  A warning in the log ``skfem_textile``
+    lists the other elements.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    MeshError
+        If the deck cannot be read or has no shells; one line names the file.
+    """
+    path = Path(path)
+    with errors_about(path):
+        if path.suffix.lower() not in _READERS:
+            raise MeshError(f"a deck of a part must be a {', '.join(_READERS)} file")
+        refuse_no_file(path)
+        form = _READERS[path.suffix.lower()](path)
+        if not form.elements:
+            raise MeshError("the deck contains no shells or membranes")
+        elements = _in_order(form.elements)
+        mesh = _mesh(elements, form.positions)
+        at = {(x.scope, x.number): i for i, x in enumerate(elements)}
+        if len(at) < len(elements):
+            raise MeshError(f"{_repeated(elements)}: use unique numbers")
+        sets = {
+            name: np.unique([at[x] for x in members if x in at]).astype(int)
+            for name, members in form.sets.items()
+        }
+    if form.left:
+        listed = ", ".join(f"{n} {printable(kind)}" for kind, n in form.left.items())
+        log.warning("%s: not shells, left as they are: %s", printable(path), listed)
+    return PartDeck(
+        path,
+        mesh,
+        np.array([x.number for x in elements]),
+        tuple(x.kind for x in elements),
+        tuple(x.scope for x in elements),
+        {name: members for name, members in sets.items() if members.size},
+        form,
+        elements,
+    )
+
+
+def _in_order(elements: list[Element]) -> tuple[Element, ...]:
+    """Elements with as many corners as the first, then the others."""
+    for element in elements:
+        if len(element.corners) not in (3, 4):
+            raise MeshError(f"element {element.number} has fewer than 3 corners")
+    first = len(elements[0].corners)
+    return tuple(sorted(elements, key=lambda x: len(x.corners) != first))
+
+
+def _repeated(elements: tuple[Element, ...]) -> str:
+    seen = set()
+    for x in elements:
+        if (x.scope, x.number) in seen:
+            break
+        seen.add((x.scope, x.number))
+    return f"element number {x.number} is used twice"
+
+
+def _mesh(
+    elements: tuple[Element, ...], positions: dict[tuple[str, int], ndarray]
+) -> ToolMesh:
+    numbers: dict[tuple[str, int], int] = {}
+    cells: dict[int, list[list[int]]] = {}
+    for element in elements:
+        keys = [(element.scope, n) for n in element.corners]
+        for key in keys:
+            if key not in positions:
+                raise MeshError(
+                    f"node {key[1]} of element {element.number} is not defined"
+                )
+        row = [numbers.setdefault(key, len(numbers)) for key in keys]
+        cells.setdefault(len(row), []).append(row)
+    points = np.array([positions[key] for key in numbers]).T
+    arrays = tuple(np.array(rows).T for rows in cells.values())
+    if not np.isfinite(points).all():
+        raise MeshError("the coordinates of the nodes must be finite")
+    for element, area in zip(elements, _areas(points, arrays), strict=True):
+        if not area > 0:
+            raise MeshError(f"element {element.number} has no area")
+    return ToolMesh(points, arrays)
+
+
+def _areas(points: ndarray, cells: tuple[ndarray, ...]) -> ndarray:
+    """Twice the areas of elements, shape (n_elements,)."""
+    corners = [points[:, cell] for cell in cells]
+    diagonals = [(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]) for x in corners]
+    normals = [np.cross(a, b, axis=0) for a, b in diagonals]
+    return np.linalg.norm(np.hstack(normals), axis=0)
+
+
+def write_part_deck(
+    folder: str | os.PathLike[str],
+    deck: PartDeck,
+    fibres: FibresInSpace,
+    thickness: float | ndarray,
+    material: str | None = None,
+    calculix: bool = False,
+) -> list[Path]:
+    """Write a copy of a deck with the fibres of a draped ply, and a VTU file.
+
+    In Abaqus and OpenRadioss, only a line that includes a file of layers is added, and
+    sections of the covered elements are commented out.  A ply is eight layers, four
+    along the warp and four along the weft, that bend as a homogeneous sheet.  In
+    Nastran and LS-DYNA, the cards of the covered elements have the angle of the warp
+    and the thickness.  Warnings in the log ``skfem_textile`` list what is commented
+    out, and the elements that the ply does not cover: they keep their sections, and
+    form the set ``NOT_COVERED`` in Abaqus and OpenRadioss.
+
+    Parameters
+    ----------
+    folder
+        Another folder than that of the deck.
+    deck
+        The deck.
+    fibres
+        Fibres in the elements of ``deck.mesh``.
+    thickness
+        Thickness of the ply at rest in mm; sheared by the angle Γ it becomes
+        thickness/cos Γ, because the weight and the length of the fibres remain the
+        same.  An array of shape (n_elements,) is the thickness of the draped ply.
+    material
+        Name of the material of a layer in Abaqus, or its number in OpenRadioss; by
+        default the material of the section.
+    calculix
+        Whether an Abaqus deck without parts is written for CalculiX too, as
+        ``NAME_ccx.inp`` in one file: with S8R and S6, and a section for each class of
+        0.1°.
+
+    Returns
+    -------
+    list
+        The files, the deck first.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not valid.
+    MeshError
+        If the deck cannot represent the fibres; one line names the deck.
+    OSError
+        If a file cannot be written.
+    """
+    folder, path = Path(folder), deck.path
+    layup = _layup(folder, deck, fibres, thickness)
+    with errors_about(path):
+        if calculix and not isinstance(deck._form, AbaqusDeck):
+            raise MeshError("CalculiX requires an .inp file")
+        folder.mkdir(parents=True, exist_ok=True)
+        arguments = deck._elements, layup, material
+        variant = calculix_deck(deck._form, *arguments) if calculix else None
+        written, remarks = deck._form.write(folder, *arguments)
+    if variant is not None:
+        written.append(folder / f"{path.stem}_ccx.inp")
+        written[-1].write_bytes(variant[0])
+        remarks += variant[1]
+    written.append(folder / f"{path.stem}_fibres.vtu")
+    write_fibres(written[-1], fibres)
+    left = deck.labels[~layup.covered]
+    if left.size:
+        more = f" and {left.size - _LISTED} more" if left.size > _LISTED else ""
+        listed = ", ".join(map(str, left[:_LISTED].tolist()))
+        remarks.append(f"the ply does not cover element(s) {listed}{more}")
+    for remark in remarks:
+        log.warning("%s: %s", printable(path), remark)
+    return written
+
+
+def _layup(
+    folder: Path, deck: PartDeck, fibres: FibresInSpace, thickness: float | ndarray
+) -> Layup:
+    n = deck.mesh.n_elements
+    if fibres.covered.shape != (n,):
+        raise ValueError(
+            f"fibres must be in the {n} elements of the deck, not in "
+            f"{fibres.covered.size}"
+        )
+    t = np.asarray(thickness, dtype=float)
+    used = t[fibres.covered] if t.shape == (n,) else t
+    if t.shape not in ((), (n,)) or not (np.isfinite(used) & (used > 0)).all():
+        raise ValueError(f"thickness must be positive, a number or of shape ({n},)")
+    if not fibres.covered.any():
+        raise ValueError("the ply does not cover any element of the deck")
+    if folder.resolve() == deck.path.resolve().parent:
+        raise ValueError(
+            f"{printable(folder)}: the folder of the deck is not overwritten: specify "
+            "another one"
+        )
+    return Layup.of(deck.mesh, fibres, t if t.ndim else float(t))
