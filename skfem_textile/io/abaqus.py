@@ -1,7 +1,8 @@
 """Abaqus input files: nodes, elements and sets, read and written."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -16,9 +17,13 @@ from ..mesh.user_input import excerpt, printable
 from .file_numbers import (
     errors_about,
     from_words,
+    real_word,
     refuse_duplicates,
     tag_positions,
 )
+
+# A comma outside of quotation marks.
+_COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')
 
 
 class Block(NamedTuple):
@@ -33,7 +38,7 @@ class Block(NamedTuple):
     lines: list[int]
 
     def __str__(self) -> str:
-        name = self.parameters.get(self.keyword)
+        name = self.parameters.get(self.keyword, "").strip('"')
         return f"*{printable(self.keyword)}" + (f" {name!r}" if name else "")
 
 
@@ -55,7 +60,7 @@ def blocks(content: bytes) -> Iterator[Block]:
         first, head = start + 1, lines[start][1:]
         while head.endswith(b",") and first < end:
             head, first = head + lines[first], first + 1
-        keyword, *words = head.decode(errors="replace").split(",")
+        keyword, *words = _COMMA.split(head.decode(errors="replace"))
         pairs = [word.partition("=") for word in words if word.strip()]
         parameters = {key.strip().upper(): value.strip() for key, _, value in pairs}
         data = [
@@ -103,11 +108,10 @@ class Deck:
     set has at most one member for each line of the file.  ``part`` and ``instance`` are
     the names of both, ``after`` has the keywords of nodes and elements in the assembly
     after the instance, and ``of_assembly`` their sets.  ``cells`` are the cell and the
-    number of nodes of each supported type; with ``joins``, sets of one name are joined.
+    number of nodes of each supported type.
     """
 
     cells: Mapping[str, tuple[str, int]] = field(default_factory=lambda: _CELLS)
-    joins: bool = False
 
     tags: ndarray | None = None
     points: ndarray = field(default_factory=lambda: np.empty((0, 3)))
@@ -123,25 +127,41 @@ class Deck:
     sets: dict[tuple[str, str], ndarray] = field(default_factory=dict)
     ignored: list[str] = field(default_factory=list)
     n_lines: int = 0
-    _spelled: dict[tuple[str, str], str] = field(default_factory=dict)
+    spelled: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def spelling(self, keyword: str, parameters: dict[str, str]) -> str:
-        """Name of a set in its first spelling, as case is ignored."""
+        """Name of a set in its first spelling, without quotation marks."""
         name = parameters.get(keyword, "")
-        if (keyword, name.upper()) in self.used:
+        key = keyword, name_key(name)
+        if key in self.used:
             raise MeshError(
                 f"the set {excerpt(name)!r} is extended after another set refers to it"
             )
-        if not name or "\ufffd" in name:
+        if not name.strip('"') or "\ufffd" in name:
             raise MeshError(f"the parameter {keyword} must be a name in UTF-8")
-        return self._spelled.setdefault((keyword, name.upper()), name)
+        bare = name.strip('"')
+        if key not in self.spelled and bare in [
+            other for (of, _), other in self.spelled.items() if of == keyword
+        ]:
+            raise MeshError(f"two sets {excerpt(bare)!r}: use unique names")
+        return self.spelled.setdefault(key, bare)
+
+    def key(self, keyword: str, name: str) -> str:
+        """Key of a set by its first spelling."""
+        found = (k for (of, k), n in self.spelled.items() if (of, n) == (keyword, name))
+        return next(found)
 
     def local(self, word: bytes) -> bytes:
         """Number or name of a set without the name of the instance and a point."""
-        prefix = f"{self.instance}.".encode()
-        word = word.strip(b'"')
-        is_here = len(prefix) > 1 and word.upper().startswith(prefix)
-        return word[len(prefix) :] if is_here else word
+        prefix, bare = f"{self.instance}.".encode(), word.strip(b'"')
+        if len(prefix) > 1 and bare.upper().startswith(prefix):
+            return bare[len(prefix) :]
+        return bare if bare.isdigit() else word
+
+
+def name_key(name: str) -> str:
+    """Key of a name, whose case counts in quotation marks alone."""
+    return name.strip('"') if name.startswith('"') else name.upper()
 
 
 def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
@@ -161,7 +181,7 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
 def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
     """Numbers of the triangles and quadrilaterals of a file, and sets of elements.
 
-    Numbers are in the order of the file; names of sets are in upper case.
+    Numbers are in the order of the file; names of sets are their keys.
     """
     deck = _deck(content)
     if deck.rotated:
@@ -172,11 +192,12 @@ def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
     sets: dict[str, ndarray] = {}
     for kind, numbers, _, name in deck.blocks:
         if name is not None and kind != "line":
-            others = sets.get(name.upper(), numbers[:0])
-            sets[name.upper()] = np.concatenate([others, numbers])
+            key = deck.key("ELSET", name)
+            sets[key] = np.concatenate([sets.get(key, numbers[:0]), numbers])
     for (keyword, name), members in deck.sets.items():
         if keyword == "ELSET":
-            sets[name.upper()] = members
+            key = deck.key("ELSET", name)
+            sets[key] = np.union1d(sets.get(key, members[:0]), members)
     plane = [numbers for kind, numbers, _, _ in deck.blocks if kind != "line"]
     if not plane:
         raise MeshError(
@@ -236,11 +257,8 @@ def read_block(deck: Deck, block: Block) -> None:
     elif keyword in ("NSET", "ELSET"):
         name = deck.spelling(keyword, parameters)
         members = _set_members(deck, block)
-        if (keyword, name) in deck.sets:
-            if not deck.joins:
-                raise MeshError("this set is defined twice: use unique names")
-            members = np.union1d(deck.sets[keyword, name], members)
-        deck.sets[keyword, name] = members
+        before = deck.sets.get((keyword, name), members[:0])
+        deck.sets[keyword, name] = np.union1d(before, members)
     elif keyword.removeprefix("END ") not in _WITHOUT_EFFECT:
         deck.ignored.append(f"*{keyword}")
 
@@ -420,17 +438,17 @@ def _set_members(deck: Deck, block: Block) -> ndarray:
 
 def members_of(deck: Deck, keyword: str, word: bytes) -> ndarray:
     """Members of a set that is defined so far."""
-    name = word.decode(errors="replace").strip('"').upper()
-    deck.used.add((keyword, name))
-    found = [m for (k, n), m in deck.sets.items() if k == keyword and n.upper() == name]
-    if keyword == "ELSET":
-        blocks = ((numbers, elset) for _, numbers, _, elset in deck.blocks if elset)
-        found += [numbers for numbers, elset in blocks if elset.upper() == name]
-    if not found and (keyword, name) in deck.of_assembly:
+    key = name_key(word.decode(errors="replace"))
+    deck.used.add((keyword, key))
+    name = deck.spelled.get((keyword, key))
+    found = [deck.sets[keyword, name]] if (keyword, name) in deck.sets else []
+    if keyword == "ELSET" and name is not None:
+        found += [numbers for _, numbers, _, elset in deck.blocks if elset == name]
+    if not found and (keyword, key.upper()) in deck.of_assembly:
         return np.empty(0, "i8")
     if not found:
         raise MeshError(
-            f"the set {excerpt(name)!r} is not defined before it is used: define it "
+            f"the set {excerpt(key)!r} is not defined before it is used: define it "
             "before"
         )
     return np.concatenate(found)
@@ -480,27 +498,21 @@ def _mesh(deck: Deck) -> meshio.Mesh:
     ]
     nodes: dict[str, Any] = {}
     elements: dict[str, Any] = {}
-    for name in dict.fromkeys(name for *_, name in deck.blocks if name is not None):
-        if ("ELSET", name) in deck.sets:
-            raise MeshError(
-                f"the name {name!r} is used by *ELSET and by *ELEMENT: use unique names"
-            )
-        elements[name] = [
-            np.arange(len(block) if elset == name else 0)
-            for _, block, _, elset in deck.blocks
-        ]
     first = np.cumsum([0, *(len(block) for _, block, _, _ in deck.blocks)])
-    for (keyword, name), members in deck.sets.items():
+    every = [(("ELSET", name), own) for _, own, _, name in deck.blocks if name]
+    for (keyword, name), members in [*every, *deck.sets.items()]:
         with errors_about(f"*{keyword} {name!r}"):
             if keyword == "NSET":
                 nodes[name] = tag_positions(deck.tags, members, "node")
                 continue
-            positions = np.sort(tag_positions(numbers, members, "element"))
-            ends = np.searchsorted(positions, first)
-            elements[name] = [
-                positions[a:b] - n
-                for a, b, n in zip(ends, ends[1:], first, strict=False)
-            ]
+            before = elements.setdefault(name, np.empty(0, "i8"))
+            more = tag_positions(numbers, members, "element")
+            elements[name] = np.union1d(before, more)
+    for name, positions in elements.items():
+        ends = np.searchsorted(positions, first)
+        elements[name] = [
+            positions[a:b] - n for a, b, n in zip(ends, ends[1:], first, strict=False)
+        ]
     return meshio.Mesh(deck.points, cells, point_sets=nodes, cell_sets=elements)
 
 
@@ -541,6 +553,7 @@ def deck_of(
     weft: ndarray,
     normal: ndarray,
     node_sets: Mapping[str, ndarray] = MappingProxyType({}),
+    element_sets: Mapping[str, ndarray] = MappingProxyType({}),
 ) -> str:
     """Deck of elements with the direction of both families in each element.
 
@@ -549,22 +562,23 @@ def deck_of(
     to them in the plane of the element.  Numbers have full precision.
 
     ``cells`` are node numbers of shape (3, n) and (4, n), directions and normals unit
-    vectors of shape (3, n_elements), and ``node_sets`` node numbers from 0 on.
+    vectors of shape (3, n_elements), and the members of sets numbers from 0 on.
     Elements with NaN directions form the set ``NOT_COVERED``, the others ``COVERED``.
     """
     covered = np.isfinite(warp).all(axis=0)
     number = np.arange(1, 1 + len(covered))
+    parts = {} if covered.all() else {COVERED: covered, NOT_COVERED: ~covered}
+    own = {name: np.flatnonzero(mask) for name, mask in parts.items()}
     lines = [
         "*HEADING",
         "mesh and fibre directions, by skfem_textile; lengths in mm",
-        *_mesh_lines(cells, points),
+        *_mesh_lines(
+            cells, points, "" if "PLY" in map(str.upper, element_sets) else "PLY"
+        ),
     ]
-    for name, nodes in node_sets.items():
-        identifier = re.sub(r"\W", "_", name)
-        lines += set_lines("NSET", identifier, (nodes + 1).tolist())
-    if not covered.all():
-        lines += set_lines("ELSET", COVERED, number[covered].tolist())
-    lines += set_lines("ELSET", NOT_COVERED, number[~covered].tolist())
+    for keyword, sets in (("NSET", node_sets), ("ELSET", {**own, **element_sets})):
+        for name, word in _words_of(sets).items():
+            lines += set_lines(keyword, word, (sets[name] + 1).tolist())
     lines += ["*DISTRIBUTION TABLE, NAME=AXES", "COORD3D, COORD3D"]
     for name, family in ((WARP, warp), (WEFT, weft)):
         across = np.cross(normal, family, axis=0)
@@ -573,17 +587,35 @@ def deck_of(
     return "\n".join([*lines, ""])
 
 
-def _mesh_lines(cells: Sequence[ndarray], points: ndarray) -> Iterator[str]:
+def _words_of(names: Iterable[str]) -> dict[str, str]:
+    """Names as words: in quotation marks where case or other characters count."""
+    bare = {name: re.sub(r'["\r\n]', "_", name) for name in names}
+    counts = Counter(name.upper() for name in bare.values())
+    return {
+        name: word
+        if re.fullmatch(r"[^\W\d_][\w-]*", word) and counts[word.upper()] == 1
+        else f'"{word}"'
+        for name, word in bare.items()
+    }
+
+
+def _mesh_lines(cells: Sequence[ndarray], points: ndarray, name: str) -> Iterator[str]:
     n_nodes = 1 + max(cell.max() for cell in cells)
     yield "*NODE"
-    for i, (x, y, z) in enumerate(points[:, :n_nodes].T.tolist(), 1):
-        yield f"{i}, {x!r}, {y!r}, {z!r}"
+    yield from node_lines(range(1, 1 + n_nodes), points[:, :n_nodes])
     first = 1
     for cell in cells:
-        yield f"*ELEMENT, TYPE={_TYPES_OF_CELLS[len(cell)]}, ELSET=PLY"
+        own = f", ELSET={name}" if name else ""
+        yield f"*ELEMENT, TYPE={_TYPES_OF_CELLS[len(cell)]}{own}"
         for i, nodes in enumerate((cell.T + 1).tolist(), first):
             yield ", ".join(map(str, [i, *nodes]))
         first += cell.shape[1]
+
+
+def node_lines(numbers: Sequence[int], points: ndarray) -> Iterator[str]:
+    """Data lines of nodes at points of shape (3, n)."""
+    for number, x in zip(numbers, points.T.tolist(), strict=True):
+        yield ", ".join([str(number), *map(real_word, x)])
 
 
 def set_lines(keyword: str, name: str, numbers: Sequence[int]) -> Iterator[str]:
@@ -597,11 +629,11 @@ def set_lines(keyword: str, name: str, numbers: Sequence[int]) -> Iterator[str]:
 def distribution_lines(
     name: str, table: str, default: str, numbers: Sequence[int], values: ndarray
 ) -> Iterator[str]:
-    """Distribution of values on elements, shape (n_values, n), at full precision."""
+    """Distribution of values on elements, shape (n_values, n), in 20 characters."""
     yield f"*DISTRIBUTION, NAME={name}, LOCATION=ELEMENT, TABLE={table}"
     yield f", {default}"
-    for number, row in zip(numbers, (values + 0.0).T.tolist(), strict=True):  # no -0.0
-        yield ", ".join([str(number), *map(repr, row)])
+    for number, row in zip(numbers, values.T.tolist(), strict=True):
+        yield ", ".join([str(number), *map(real_word, row)])
 
 
 def axes_lines(

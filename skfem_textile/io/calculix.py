@@ -11,7 +11,8 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from .abaqus import Block, members_of, set_lines
+from .abaqus import Block, members_of, node_lines, set_lines
+from .file_numbers import real_word
 from .layups import SEQUENCE, WARP, Element, Layup
 from .part_abaqus import AbaqusDeck, first_words, section_again, type_of
 
@@ -116,9 +117,8 @@ def _raised(own: list[Element], nodes: _MidNodes, name: str | None) -> list[str]
         row = element.number, *corners, *given
         rows[kind].append(", ".join(map(str, row)))
     lines = ["*NODE"] * bool(nodes.new)
-    for number in nodes.new:
-        x, y, z = nodes.positions[number].tolist()
-        lines.append(f"{number}, {x!r}, {y!r}, {z!r}")
+    points = np.array([nodes.positions[n] for n in nodes.new]).reshape(-1, 3).T
+    lines += node_lines(nodes.new, points)
     for kind, some in rows.items():
         own_set = f", ELSET={name}" if name else ""
         lines += [f"*ELEMENT, TYPE={kind}{own_set}"] * bool(some) + some
@@ -126,16 +126,17 @@ def _raised(own: list[Element], nodes: _MidNodes, name: str | None) -> list[str]
 
 
 def _engineering(block: Block) -> Iterator[str]:
-    """Constants of a lamina with those through its thickness.
+    """Constants of a lamina in space.
 
-    The lamina is isotropic across its fibres, with ν₂₃ = E₂/(2 G₂₃) − 1 from 0 to 0.5.
+    Poisson's ratios through the thickness are zero, so that the solids into which
+    CalculiX expands shells have the stiffness of a lamina in plane stress, though all
+    layers of a shell thin by the same share.
     """
     yield "*ELASTIC, TYPE=ENGINEERING CONSTANTS"
     for row in block.data:
         E1, E2, nu, G12, G13, G23 = (float(x or b"0") for x in row[:6])
-        across = min(max(E2 / (2 * G23) - 1, 0.0), 0.5)
-        yield ", ".join(map(repr, (E1, E2, E2, nu, nu, across, G12, G13)))
-        yield ", ".join([repr(G23), *(x.decode() for x in row[6:7] if x)])
+        yield ", ".join(map(real_word, (E1, E2, E2, nu, 0.0, 0.0, G12, G13)))
+        yield ", ".join([real_word(G23), *(x.decode() for x in row[6:7] if x)])
 
 
 def _classes(
@@ -157,8 +158,9 @@ def _classes(
         yield from set_lines("ELSET", name, [members[i] for i in own.tolist()])
         for family, a in (("P", warp), ("F", weft)):
             yield f"*ORIENTATION, NAME={name}{family}, SYSTEM=RECTANGULAR"
-            yield ", ".join(map(repr, [*a.tolist(), *np.cross(normal, a).tolist()]))
+            yield ", ".join(map(real_word, [*a, *np.cross(normal, a)]))
         yield f"*SHELL SECTION, COMPOSITE, ELSET={name}"
         layer = float(thick[own].mean()) / len(SEQUENCE)
         for family in SEQUENCE:
-            yield f"{layer!r}, , {material}, {name}{'P' if family == WARP else 'F'}"
+            axes = f"{name}{'P' if family == WARP else 'F'}"
+            yield f"{real_word(layer)}, , {material}, {axes}"

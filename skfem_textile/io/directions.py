@@ -16,6 +16,7 @@ from skfem import Mesh
 from ..fabric.directions import FibreDirections
 from ..fabric.laws.tabulated import lines_of
 from ..mesh.checks import MeshError
+from ..mesh.selection import named_nodes
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import excerpt, number_of_text
 from .abaqus import (
@@ -24,6 +25,7 @@ from .abaqus import (
     Block,
     blocks,
     deck_of,
+    name_key,
     read_elements,
     without_trailing_comma,
 )
@@ -151,7 +153,8 @@ def write_directions(
     """Write fibre directions in a format for `read_directions`.
 
     A .vtu has vectors and angles, bit for bit; a .csv angles with full precision; an
-    Abaqus .inp a distribution and an orientation for each family.
+    Abaqus .inp a distribution and an orientation for each
+    family, and the named boundaries, nodes and subdomains as sets.
 
     Parameters
     ----------
@@ -173,7 +176,7 @@ def write_directions(
         If the file cannot be written.
     """
     path, points = Path(path), mesh.p if points is None else points
-    cells, _ = original_elements(mesh)
+    cells, parent = original_elements(mesh)
     directions.refuse_other(cells)
     warp, weft, nodes = map(_in_space, (directions.warp, directions.weft, points))
     suffix = path.suffix.lower()
@@ -189,18 +192,33 @@ def write_directions(
     elif suffix == ".inp":
         normal = np.zeros_like(warp)
         normal[2] = 1.0
-        n_nodes = 1 + max(cell.max() for cell in cells)
-        ends = {
-            name: np.unique(mesh.facets[:, np.asarray(edges)])
-            for name, edges in (mesh.boundaries or {}).items()
-        }
-        sets = {name: at[at < n_nodes] for name, at in ends.items()}
-        deck = deck_of(cells, nodes, warp, weft, normal, sets)
+        deck = deck_of(cells, nodes, warp, weft, normal, *_sets(mesh, cells, parent))
         path.write_text(deck, encoding="utf-8")
     else:
         raise ValueError(
             f"{path}: fibre directions can be written only to .vtu, .csv, .inp files"
         )
+
+
+def _sets(
+    mesh: Mesh, cells: tuple[ndarray, ...], parent: ndarray
+) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
+    """Nodes of boundaries and named nodes, and the elements of subdomains."""
+    n_nodes = 1 + max(cell.max() for cell in cells)
+    sides = {
+        name: mesh.facets[:, np.asarray(edges)].ravel()
+        for name, edges in (mesh.boundaries or {}).items()
+    }
+    nodes = {
+        name: np.unique(np.concatenate([sides.get(name, []), single.get(name, [])]))
+        for single in [named_nodes(mesh)]
+        for name in {**sides, **single}
+    }
+    parts = {
+        name: np.unique(parent[np.asarray(members)])
+        for name, members in (mesh.subdomains or {}).items()
+    }
+    return {name: at[at < n_nodes].astype(int) for name, at in nodes.items()}, parts
 
 
 def _in_space(x: ndarray) -> ndarray:
@@ -288,7 +306,7 @@ def _store(deck: _Deck, block: Block) -> None:
     blocks = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
     if keyword in _SECTIONS:
         if orientation := parameters.get("ORIENTATION", "").upper():
-            deck.sections.append((parameters.get("ELSET", "").upper(), orientation))
+            deck.sections.append((name_key(parameters.get("ELSET", "")), orientation))
     elif keyword == "DISTRIBUTION TABLE":
         words = tuple(w.decode(errors="replace").upper() for row in data for w in row)
         deck.tables[name] = _TABLES.get(tuple(filter(None, words)), 0)
@@ -451,7 +469,7 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
             with_default = True
             values[:] = np.where(np.isnan(values), row_values, values)
         else:
-            chosen = deck.members(row[0].decode(errors="replace").upper())
+            chosen = deck.members(name_key(row[0].decode(errors="replace")))
             values[:, chosen] = row_values
     if by_element:
         tags = from_words([tag for tag, _ in by_element], "i8")

@@ -38,6 +38,26 @@ def word_of(x: float | None) -> str:
     return "" if x is None or not np.isfinite(x) else f"{x:.12g}"
 
 
+def real_word(x: float, width: int = 20) -> str:
+    """Number with a decimal point, as exact as fits into a width.
+
+    Abaqus, CalculiX and OpenRadioss read up to 20 characters, LS-DYNA and Nastran 16.
+
+    Examples
+    --------
+    >>> real_word(1.0), real_word(-1 / 30), real_word(-1e-17 / 3, 16)
+    ('1.0', '-0.03333333333333333', '-3.333333333e-18')
+    """
+    text = repr(float(x) + 0.0)  # no -0.0
+    for digits in range(17, 0, -1):
+        mantissa, e, exponent = text.partition("e")
+        text = mantissa + "." * ("." not in mantissa) + e + exponent
+        if len(text) <= width:
+            break
+        text = f"{x:.{digits}g}"
+    return text
+
+
 def write_table(
     path: str | os.PathLike[str], header: Iterable[str], rows: Iterable[Iterable[Any]]
 ) -> None:

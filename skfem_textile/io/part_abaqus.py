@@ -27,7 +27,7 @@ from .abaqus import (
     set_lines,
 )
 from .deck_text import DeckText, Include
-from .file_numbers import errors_about
+from .file_numbers import errors_about, real_word
 from .layups import SEQUENCE, WARP, Element, Layup
 
 # Types by number of corners and of nodes.  Continuum shells have two faces.
@@ -116,7 +116,7 @@ class AbaqusDeck:
                 self._add_own_set(block)
 
     def _part(self, name: str) -> _Part:
-        deck = Deck(cells=_SHELLS, joins=True, n_lines=len(self.text.lines))
+        deck = Deck(cells=_SHELLS, n_lines=len(self.text.lines))
         self._parts[name] = _Part(name, deck)
         return self._parts[name]
 
@@ -229,9 +229,9 @@ class AbaqusDeck:
             cells=_SHELLS,
             blocks=part.deck.blocks,
             sets=dict(part.deck.sets),
+            spelled=dict(part.deck.spelled),
             instance=scope,
             n_lines=part.deck.n_lines,
-            joins=True,
         )
         read_block(deck, copy)
         members = [(scope, n) for n in deck.sets["ELSET", "OWN"].tolist()]
@@ -337,7 +337,7 @@ class AbaqusDeck:
             f"*DISTRIBUTION TABLE, NAME={tables[2]}",
             "LENGTH",
             *distribution_lines(
-                layer, tables[2], repr(layup.rest / len(SEQUENCE)), n, thick[None]
+                layer, tables[2], real_word(layup.rest / len(SEQUENCE)), n, thick[None]
             ),
         ]
         kinds = {x.number: x.kind for x in elements if x.scope in turn}

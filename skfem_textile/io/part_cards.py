@@ -21,7 +21,7 @@ from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt
 from ..surfaces.tool_mesh import unit
 from .deck_text import DeckText, Include
-from .file_numbers import errors_about, from_words
+from .file_numbers import errors_about, from_words, real_word
 from .layups import SEQUENCE, WARP, WEFT, Element, Layup
 from .radioss import COLUMN, Option, options
 
@@ -198,9 +198,9 @@ class NastranDeck(CardDeck):
         for i in np.flatnonzero(layup.covered).tolist():
             element = elements[i]
             words, card = list(self._fields[element.lines]), _CARDS[element.kind]
-            words[card.theta], words[card.flag] = _real_word(angles[i]), ""
+            words[card.theta], words[card.flag] = real_word(angles[i], _LARGE), ""
             for k in range(card.n_corners):
-                words[_T1 + k] = _real_word(layup.thickness[i])
+                words[_T1 + k] = real_word(layup.thickness[i], _LARGE)
             first, end = element.lines
             text.comment_out(list(range(first, end)), b"$")
             text.insert(first, _large_card(element.kind, words))
@@ -241,17 +241,6 @@ def _real(word: str) -> float:
     if not np.isfinite(x):
         raise MeshError(f"{excerpt(word)!r} is not finite")
     return x
-
-
-def _real_word(x: float) -> str:
-    """Number with a decimal point, in the width of a large field."""
-    for digits in range(14, 0, -1):
-        text = f"{x:.{digits}g}"
-        head, e, tail = text.partition("e")
-        text = head + "." * ("." not in head) + e + tail
-        if len(text) <= _LARGE:
-            break
-    return text
 
 
 def _large_card(name: str, fields: list[str]) -> list[bytes]:
@@ -378,8 +367,8 @@ class DynaDeck(CardDeck):
                 n_thick = len(more) - ("OFFSET" in given) - ("DOF" in given)
                 for at in more[:n_thick]:
                     text.replace(at, [])
-                t = f"{layup.thickness[i]:.{width - 6}g}".rjust(width)
-                beta = f"{angles[i]:.{width - 6}g}".rjust(width)
+                t = real_word(layup.thickness[i], width - 1).rjust(width)
+                beta = real_word(angles[i], width - 1).rjust(width)
                 cards = [4 * t + beta, *[4 * t] * any(elements[i].nodes[-4:])]
                 text.replace(first, [self.text.lines[first], *map(str.encode, cards)])
             if head not in current and wanted != line:
@@ -614,4 +603,4 @@ def _ten_in_a_line(numbers: Sequence[int]) -> Iterator[str]:
 
 
 def _word20(x: float) -> str:
-    return f"{x + 0.0:>20.12g}"
+    return real_word(x, 19).rjust(20)

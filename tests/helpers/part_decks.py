@@ -15,7 +15,7 @@ FORMATS = ("inp", "bdf", "k", "rad")
 
 @dataclass
 class Patch:
-    """Elements of a part by number: corners, middles of sides, and position in space."""
+    """Nodes and elements of a part by number, and its position in space."""
 
     name: str
     nodes: dict[int, np.ndarray]

@@ -7,6 +7,7 @@ from skfem import MeshQuad, MeshTri
 from skfem_textile import Fabric, LoadStepper, Ply
 from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.io import read_directions, read_mesh, write_directions, write_draped
+from skfem_textile.mesh.selection import named_nodes, with_named_nodes
 from skfem_textile.scenes import bias_extension
 from tests.helpers import distorted
 from tests.helpers.decks import DIRECTIONS
@@ -48,6 +49,36 @@ def test_a_round_trip_through_deck_vtu_and_csv_loses_nothing(tmp_path, mesh):
             again = read_mesh(tmp_path / name)
             assert np.array_equal(again.p, mesh.p)
             assert np.array_equal(again.t, mesh.t)
+
+
+def test_a_deck_keeps_sets_with_names_that_differ_in_case_alone(tmp_path):
+    mesh = MeshQuad().refined(2).scaled(50.0).with_defaults()
+    sides, (x, y) = mesh.boundaries, mesh.p[:, mesh.t].mean(axis=1)
+    edges = {"Left": sides["left"], "left": sides["right"], "a b": sides["top"]}
+    parts = {
+        "LOW": y < 25,
+        "low": x < 25,
+        "HIGH": y > 25,
+        "PLY": x > 25,
+        "COVERED": y < 9,
+    }
+    parts = {name: np.flatnonzero(mask) for name, mask in parts.items()}
+    named = MeshQuad(mesh.p, mesh.t, _boundaries=edges, _subdomains=parts)
+    named = with_named_nodes(
+        named, {"middle": np.array([8]), "Middle": np.array([3, 7])}
+    )
+    n = mesh.nelements
+    written = FibreDirections.of_angles(np.linspace(0, 50, n), np.linspace(70, 99, n))
+    write_directions(tmp_path / "a.inp", named, written)
+    read = read_mesh(tmp_path / "a.inp")
+    np.testing.assert_allclose(read.p, mesh.p, rtol=1e-12)
+    for mine, theirs in ((edges, read.boundaries), (parts, read.subdomains)):
+        assert set(mine) == set(theirs)
+        for name, members in mine.items():
+            np.testing.assert_array_equal(np.sort(members), theirs[name])
+    nodes = {name: at.tolist() for name, at in named_nodes(read).items()}
+    assert nodes == {"middle": [8], "Middle": [3, 7]}
+    assert angle_between(written, read_directions(tmp_path / "a.inp")) < 1e-12
 
 
 def test_a_vtu_preserves_every_bit(tmp_path):

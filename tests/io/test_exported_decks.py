@@ -72,6 +72,15 @@ def test_sets_of_sets_and_nodes_of_sets_of_elements(tmp_path):
     assert named_nodes(mesh)["under"].tolist() == [4]
 
 
+def test_sets_of_one_name_are_joined_and_case_counts_in_quotation_marks(tmp_path):
+    sets = ["*Elset, elset=low", "1", "*Elset, elset=LOW", "2", "*Elset, elset=E1", "2"]
+    sets += ['*Elset, elset="A, b"', "3,", '*Elset, elset="a, B"', "4,"]
+    sets += ["*Elset, elset=both", '"A, b", Low']
+    mesh = read_mesh(deck(tmp_path, "*Node", *NODES, *PLY, *sets[:-2]))
+    expected = {"E1": [0, 1, 2, 3], "low": [0, 1], "A, b": [2], "a, B": [3]}
+    assert names(mesh) == expected
+
+
 @pytest.mark.parametrize(
     ("position", "first", "last"),
     [

@@ -139,7 +139,8 @@ def of_bdf(made, path):
             for line in card.splitlines()
             for k in range(4)
         ]
-        at, n = {"CQUAD4": (6, 4), "CTRIA3": (5, 3), "CQUAD8": (14, 4)}.get(name, (8, 3))
+        fields = {"CQUAD4": (6, 4), "CTRIA3": (5, 3), "CQUAD8": (14, 4)}
+        at, n = fields.get(name, (8, 3))
         thick = words[10 : 10 + n] if words[10:11] != [""] else [""]
         if thick in ([], [""]):
             continue
@@ -220,12 +221,13 @@ READERS = {"inp": of_inp, "bdf": of_bdf, "k": of_k, "rad": of_rad}
 def judge(made, form, out):
     """Read a deck and write its copy; errors are one clear line."""
     read = read_part_deck(made.path)
-    if made.refused:
-        write_part_deck(out, read, fibres_on(read.mesh), REST)
     known = {(p.name, e): p for p in made.patches for e in p.elements}
-    assert sorted(zip(read.instances, read.labels.tolist(), strict=True)) == sorted(known)
+    found = zip(read.instances, read.labels.tolist(), strict=True)
+    assert made.refused or sorted(found) == sorted(known)
     cells = [c for cell in read.mesh.cells for c in cell.T]
     for scope, number, cell in zip(read.instances, read.labels, cells, strict=True):
+        if (scope, number) not in known:
+            continue
         corners = known[scope, number].corners(number)
         np.testing.assert_allclose(read.mesh.points[:, cell].T, corners, atol=1e-9)
     fibres = fibres_on(read.mesh)
@@ -257,17 +259,13 @@ def test_a_sample_of_decks_is_read_and_written_or_refused_in_one_line(tmp_path):
         form, folder = FORMATS[k % 4], tmp_path / str(k)
         folder.mkdir()
         made = deck(folder, form, SEED + k)
-        try:
-            judge(made, form, tmp_path / "out")
-        except MeshError as error:
-            assert made.refused, error
-            assert made.refused in str(error)
-            assert "\n" not in str(error)
-            counts["refused"] += 1
+        if made.refused:
+            with pytest.raises(MeshError, match=made.refused) as caught:
+                judge(made, form, tmp_path / "out")
+            assert "\n" not in str(caught.value)
         else:
-            assert not made.refused
-            counts["right"] += 1
+            judge(made, form, tmp_path / "out")
+        counts["refused" if made.refused else "right"] += 1
         shutil.rmtree(tmp_path / "out", ignore_errors=True)
     print(dict(counts))
     assert counts["right"] >= 85
-    assert counts["right"] + counts["refused"] == 100

@@ -239,7 +239,7 @@ def test_a_deck_has_both_axes_of_each_element_in_space(tmp_path):
         axes = orientation(lines, name)
         assert list(axes) == (1 + np.flatnonzero(fibres.covered)).tolist()
         for number, (a, b) in axes.items():
-            np.testing.assert_array_equal(a, family[:, number - 1])
+            np.testing.assert_allclose(a, family[:, number - 1], rtol=0, atol=1e-17)
             normal = np.cross(a, b)
             np.testing.assert_allclose(normal, fibres.normal[:, number - 1], atol=1e-12)
     left = lines[lines.index("*ELSET, ELSET=NOT_COVERED") + 1 :]
