@@ -520,7 +520,7 @@ class RadiossDeck(CardDeck):
                     f"{mat:>10}{_word20(t)}{0:>20}{shells[0]:>10}{shells[1]:>10}{3:>10}",
                     f"{drapes.get(family, 0):>10}{2:>10}",
                 ]
-        for number in sorted(properties, key=int):
+        for number in sorted(properties):
             option = self._property(number)
             first = first or _first_card(option)[:40]
             text.comment_out(option.lines, b"#")

@@ -8,6 +8,7 @@ import re
 import shutil
 from collections import Counter
 
+import meshio
 import numpy as np
 import pytest
 
@@ -218,6 +219,27 @@ def of_rad(made, path):
 READERS = {"inp": of_inp, "bdf": of_bdf, "k": of_k, "rad": of_rad}
 
 
+# What may be added to a copy, and what marks lines that are commented out
+ADDED = {"inp": r"\*INCLUDE, INPUT=part_fibres", "rad": "#include part_0000_fibres"}
+ADDED |= {"bdf": r"C(QUAD|TRIA)\d\*|\* ", "k": r"[\d., -]+$|\*ELEMENT_SHELL"}
+MARKS = {"inp": "**", "rad": "#", "bdf": "$", "k": "**"}
+
+
+def check_kept(made, form, out):
+    """All lines are kept in their order, and nothing else is added."""
+    added = re.compile(ADDED[form])
+    originals = [path for path in made.path.parent.rglob("*") if path.is_file()]
+    for path in originals:
+        copy = (out / path.relative_to(made.path.parent)).read_text().splitlines()
+        for line in path.read_text().splitlines():
+            marked, replaced = MARKS[form] + line, form == "k" and added.match(line)
+            ends = [copy.index(x) for x in (marked, line) if x in copy[:9]]
+            ends = [n for n in ends if all(map(added.match, copy[:n]))]
+            assert ends or replaced, line
+            copy = copy[ends[0] + 1 :] if ends else copy
+        assert all(map(added.match, copy)), copy
+
+
 def judge(made, form, out):
     """Read a deck and write its copy; errors are one clear line."""
     read = read_part_deck(made.path)
@@ -235,6 +257,9 @@ def judge(made, form, out):
         return
     written = write_part_deck(out, read, fibres, REST)
     assert written[0].name == made.path.name
+    check_kept(made, form, out)
+    vtu = meshio.read(written[-1]).cell_data
+    np.testing.assert_array_equal(np.vstack(vtu["warp_direction"]), fibres.warp.T)
     found = READERS[form](made, written[0])
     expected = {key: families(p.corners(key[1])) for key, p in known.items()}
     assert set(found) == {key for key, ply in expected.items() if ply is not None}
