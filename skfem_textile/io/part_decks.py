@@ -231,9 +231,9 @@ def write_part_deck(
     with errors_about(path):
         if calculix and not isinstance(deck._form, AbaqusDeck):
             raise MeshError("CalculiX requires an .inp file")
-        folder.mkdir(parents=True, exist_ok=True)
         arguments = deck._elements, layup, material
         variant = calculix_deck(deck._form, *arguments) if calculix else None
+        folder.mkdir(parents=True, exist_ok=True)
         written, remarks = deck._form.write(folder, *arguments)
     if variant is not None:
         written.append(folder / f"{path.stem}_ccx.inp")

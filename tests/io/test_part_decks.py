@@ -277,6 +277,12 @@ def judge(made, form, out):
         np.testing.assert_array_equal(again.sets[name], members)
 
 
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_deck_is_read_and_written(tmp_path, form):
+    made = deck(tmp_path, form, SEED - 1, damage=False)
+    judge(made, form, tmp_path.parent / f"{tmp_path.name}-out")
+
+
 @pytest.mark.slow
 def test_a_sample_of_decks_is_read_and_written_or_refused_in_one_line(tmp_path):
     counts = Counter()
@@ -294,3 +300,252 @@ def test_a_sample_of_decks_is_read_and_written_or_refused_in_one_line(tmp_path):
         shutil.rmtree(tmp_path / "out", ignore_errors=True)
     print(dict(counts))
     assert counts["right"] >= 85
+
+
+def test_pynastran_reads_numbers_angles_and_thickness(tmp_path):
+    bdf = pytest.importorskip("pyNastran.bdf.bdf")
+    made = deck(tmp_path, "bdf", SEED - 2, damage=False)
+    read = read_part_deck(made.path)
+    path = write_part_deck(tmp_path / "out", read, fibres_on(read.mesh), REST)[0]
+    model = bdf.BDF(debug=None)
+    model.read_bdf(path, xref=False)
+    for number, kind in zip(read.labels.tolist(), read.types, strict=True):
+        element, corners = model.elements[number], made.patches[0].corners(number)
+        assert element.type == kind
+        ply = families(corners)
+        assert (element.T1 is None) == (ply is None)
+        if ply is not None and kind != "CQUAD8":
+            warp = turned(corners, corners[1] - corners[0], element.theta_mcid)
+            np.testing.assert_allclose(warp, ply[0], atol=1e-9)
+            thick = REST / np.cos(ply[2])
+            np.testing.assert_allclose(element.T1, thick, rtol=1e-12)
+
+
+def test_the_layers_of_a_ply_bend_and_stretch_as_a_homogeneous_sheet():
+    """Moments through the thickness are the same for both families."""
+    ends = np.linspace(-1, 1, len(SEQUENCE) + 1)
+    sign = np.where(np.array(SEQUENCE) == "WARP", 1.0, -1.0)
+    moments = [sign @ np.diff(ends**k) for k in (1, 2, 3)]
+    np.testing.assert_allclose(moments, 0.0, atol=1e-15)
+
+
+# Decks of Abaqus
+
+XY = [(0, 0), (10, 0), (10, 10), (0, 10), (20, 0), (20, 10)]
+NODES = ["*Node", *(f"{i}, {x}., {y}., 0." for i, (x, y) in enumerate(XY, 1))]
+QUADS = ["*Element, type=S4R, elset=Skin", "11, 1, 2, 3, 4", "7, 2, 5, 6, 3"]
+SECTION = ["*Shell Section, elset=Skin, material=CFRP, offset=SPOS", "0.9"]
+
+
+def written_deck(folder, *lines, name="a.inp"):
+    path = folder / name
+    path.write_text("\n".join([*lines, ""]))
+    return path
+
+
+def straight(mesh, covered=None, degrees=0.0):
+    """Fibres along the x axis turned about the normal, and at 90° to it."""
+    n, normal = mesh.n_elements, mesh.normals()
+    a = np.radians(degrees)
+    x = np.tile([[np.cos(a)], [np.sin(a)], [0.0]], n)
+    mask = np.where(np.ones(n, bool) if covered is None else covered, 0.0, np.nan)
+    warp, weft = x + mask, np.cross(normal, x, axis=0) + mask
+    return drape.FibresInSpace(mesh, normal, warp, weft, mask, np.array([1.0, 0, 0]))
+
+
+def test_elements_without_fibres_keep_their_section(tmp_path, caplog):
+    path = written_deck(tmp_path, *NODES, *QUADS, *SECTION, "*Step", "*Static")
+    read = read_part_deck(path)
+    assert read.labels.tolist() == [11, 7]
+    assert read.sets["Skin"].tolist() == [0, 1]
+    fibres = straight(read.mesh, [False, True])
+    files = write_part_deck(tmp_path / "out", read, fibres, 0.4)
+    assert [file.name for file in files] == ["a.inp", "a_fibres.inp", "a_fibres.vtu"]
+    copy = files[0].read_text().splitlines()
+    assert copy == [
+        *(*NODES, *QUADS, *("**" + line for line in SECTION)),
+        *("*INCLUDE, INPUT=a_fibres.inp", "*Step", "*Static"),
+    ]
+    lines = files[1].read_text().splitlines()
+    at = lines.index("*ELSET, ELSET=NOT_COVERED_Skin")
+    assert lines[at : at + 4] == [
+        *("*ELSET, ELSET=NOT_COVERED_Skin", "11"),
+        *("*SHELL SECTION, ELSET=NOT_COVERED_Skin, MATERIAL=CFRP, OFFSET=SPOS", "0.9"),
+    ]
+    section = next(line for line in lines if "COMPOSITE" in line)
+    assert section.endswith("ELSET=FIBRES, ORIENTATION=FIBRE, OFFSET=SPOS")
+    assert caplog.messages == [
+        f"{path}: *SHELL SECTION of Skin is commented out for 1 element(s) with "
+        "fibres; its material CFRP is that of the layers",
+        f"{path}: the ply does not cover element(s) 11",
+    ]
+
+
+def test_thickness_of_each_element_may_be_given(tmp_path):
+    path = written_deck(tmp_path, *NODES, *QUADS)
+    read = read_part_deck(path)
+    given = np.array([0.8, np.nan])
+    fibres = straight(read.mesh, [True, False])
+    files = write_part_deck(tmp_path / "out", read, fibres, given, material="M")
+    lines = files[1].read_text().splitlines()
+    at = next(
+        i for i, x in enumerate(lines) if x.startswith("*DISTRIBUTION, NAME=FIBRE_L")
+    )
+    assert lines[at + 2] == "11, 0.1"
+
+
+def test_several_instances_with_the_same_fibres_share_a_part(tmp_path):
+    turn = ["0., 0., 0.", "0., 0., 0., 0., 0., 1., 90."]
+    lines = [
+        "*Part, name=P",
+        *NODES,
+        *QUADS,
+        *SECTION,
+        "*End Part",
+        "*Assembly, name=A",
+    ]
+    lines += ["*Instance, name=a, part=P", "*End Instance"]
+    lines += ["*Instance, name=b, part=P", *turn, "*End Instance", "*End Assembly"]
+    read = read_part_deck(written_deck(tmp_path, *lines))
+    assert read.instances == ("A", "A", "B", "B")
+    np.testing.assert_allclose(read.mesh.centres()[:2, 2], [-5, 5], atol=1e-12)
+    same = straight(read.mesh)
+    same.warp[:, 2:], same.weft[:, 2:] = same.weft[:, 2:].copy(), -same.warp[:, 2:]
+    write_part_deck(tmp_path / "out", read, same, 0.4)
+    with pytest.raises(MeshError, match="'P' has 2 instances with different fibres"):
+        write_part_deck(tmp_path / "out", read, straight(read.mesh), 0.4)
+
+
+def test_continuum_shells_are_read_by_their_middle_and_degenerate_ones_as_triangles(
+    tmp_path,
+):
+    top = [f"{i + 10}, {x}., {y}., 2." for i, (x, y) in enumerate(XY, 1)]
+    cells = ["*Element, type=SC8R", "1, 1, 2, 3, 4, 11, 12, 13, 14"]
+    cells += ["*Element, type=S4", "2, 2, 5, 6, 6"]
+    read = read_part_deck(written_deck(tmp_path, *NODES, *top, *cells))
+    assert [cell.shape for cell in read.mesh.cells] == [(4, 1), (3, 1)]
+    np.testing.assert_allclose(read.mesh.centres()[2], [1.0, 0.0])
+    files = write_part_deck(tmp_path / "out", read, straight(read.mesh), 0.4, "M")
+    layers = [x for x in files[1].read_text().splitlines() if x.endswith(", WARP_1")]
+    assert layers == ["1., 3, M, 0., WARP_1", "FIBRE_LAYER, 3, M, 0., WARP_1"]
+
+
+def test_files_outside_of_the_folder_are_copied_next_to_the_deck(tmp_path):
+    home = tmp_path / "home"
+    home.mkdir()
+    (tmp_path / "nodes.inc").write_text("\n".join([*NODES, ""]))
+    path = written_deck(home, "*Include, input=../nodes.inc", *QUADS)
+    read = read_part_deck(path)
+    out = tmp_path / "out"
+    files = write_part_deck(out, read, straight(read.mesh), 0.4, "M")
+    assert files[0].read_text().startswith("*Include, input=nodes.inc\n")
+    assert (out / "nodes.inc").read_text() == (tmp_path / "nodes.inc").read_text()
+
+
+# Other decks
+
+
+def test_numbers_of_nastran_have_exponents_without_letters(tmp_path):
+    grids = ["GRID,1,,1.5-3,-2.+1,0.", "GRID,2,,1.D+1,-.2E2,", "GRID,3,,10.,5.,"]
+    read = read_part_deck(
+        written_deck(tmp_path, *grids, "CTRIA3,5,1,1,2,3", name="a.nas")
+    )
+    expected = [[1.5e-3, 10, 10], [-20, -20, 5], [0, 0, 0]]
+    np.testing.assert_array_equal(read.mesh.points, expected)
+    assert read.sets == {"property 1": np.array([0])}
+
+
+@pytest.mark.parametrize("inn", [1, 2])
+def test_angles_of_lsdyna_with_invariant_node_numbering(tmp_path, inn):
+    """The axis is halfway between the middle lines, turned by −45°."""
+    xy = [(0, 0), (10, 0), (20, 10), (0, 10)]
+    nodes = [f"{i},{x},{y},0." for i, (x, y) in enumerate(xy, 1)]
+    lines = ["*KEYWORD", "*CONTROL_ACCURACY", f"1,{inn}", "*NODE", *nodes]
+    lines += ["*ELEMENT_SHELL", "8,1,1,2,3,4", "*END"]
+    read = read_part_deck(written_deck(tmp_path, *lines, name="a.k"))
+    files = write_part_deck(tmp_path / "out", read, straight(read.mesh), 0.4)
+    card = files[0].read_text().splitlines()[-2]
+    one, two = np.array([15.0, 0]), np.array([5.0, 10.0])
+    middle = unit(one) + unit(two)
+    angle = np.degrees(np.arctan2(middle[1], middle[0])) - 45 if inn == 2 else 0.0
+    assert float(card[64:80]) == pytest.approx(-angle, abs=1e-9)
+
+
+# Refused decks and arguments
+
+TRIANGLE = ["GRID,1,,0.,0.,0.", "GRID,2,,1.,0.,0.", "GRID,3,,0.,1.,0."]
+REFUSED = {
+    r"a\.txt: a deck of a part must be a \.inp": ("a.txt", ["1"]),
+    r"a\.inp: .*'b\.inp', which a\.inp includes, does not": (
+        *("a.inp", ["*Include, input=b.inp"]),
+    ),
+    r"a\.inp: the file .*a\.inp includes itself": ("a.inp", ["*Include, input=a.inp"]),
+    r"a\.inp: the deck contains no shells": ("a.inp", NODES),
+    r"a\.inp: \*NGEN: this keyword is not sup": ("a.inp", [*NODES, "*Ngen", "1, 2"]),
+    r"a\.inp: node 6 of element 7 is not": ("a.inp", [*NODES[:-1], *QUADS]),
+    r"a\.inp: element number 11 is used twice": ("a.inp", [*NODES, *QUADS, *QUADS]),
+    r"a\.inp: \*INSTANCE: the part 'Q' is not": (
+        *("a.inp", ["*Instance, name=q, part=Q"]),
+    ),
+    r"a\.bdf: element 9 has no area": (
+        "a.bdf",
+        [*TRIANGLE[:2], "GRID,3,,2.,0.,0.", "CTRIA3,9,1,1,2,3"],
+    ),
+    r"a\.bdf: GRID 3: nodes are in the coordinate system 4": (
+        "a.bdf",
+        ["GRID,3,4,0.,0.,0."],
+    ),
+    r"a\.k: \*INCLUDE_PATH is not": ("a.k", ["*KEYWORD", "*INCLUDE_PATH", "b"]),
+    r"a\.k: the file does not begin with": ("a.k", ["1"]),
+    r"a\.rad: /TRANSFORM/TRA/1: nodes are moved": ("a.rad", ["/TRANSFORM/TRA/1"]),
+}
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_a_deck_that_cannot_be_read_is_refused_in_one_line(tmp_path, message):
+    name, lines = REFUSED[message]
+    path = written_deck(tmp_path, *lines, name=name)
+    with pytest.raises(MeshError, match=message) as caught:
+        read_part_deck(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_arguments_that_do_not_fit_are_refused(tmp_path):
+    read = read_part_deck(written_deck(tmp_path, *NODES, *QUADS))
+    fibres, out = straight(read.mesh), tmp_path / "out"
+    one = drape.ToolMesh(read.mesh.points, (read.mesh.cells[0][:, :1],))
+    none = straight(read.mesh, [False, False])
+    for message, folder, given, thickness in (
+        ("in the 2 elements of the deck, not in 1", out, straight(one), 0.4),
+        ("must be positive, a number or of shape", out, fibres, 0.0),
+        ("must be positive, a number or of shape", out, fibres, np.ones(3)),
+        ("does not cover any element", out, none, 0.4),
+        ("specify another one", tmp_path, fibres, 0.4),
+        ("element 7 has no section: specify the material", out, fibres, 0.4),
+    ):
+        with pytest.raises(ValueError, match=message):
+            write_part_deck(folder, read, given, thickness)
+    cards = written_deck(tmp_path, *TRIANGLE, "CTRIA3,9,1,1,2,3", name="a.bdf")
+    read = read_part_deck(cards)
+    for message, given in (
+        ("the elements defines the material: omit it", {"material": "M"}),
+        ("CalculiX requires an .inp file", {"calculix": True}),
+    ):
+        with pytest.raises(MeshError, match=message):
+            write_part_deck(out, read, straight(read.mesh), 0.4, **given)
+
+
+def test_a_deck_with_fibres_is_not_written_twice(tmp_path):
+    path = written_deck(tmp_path, *NODES, *QUADS, *SECTION)
+    read = read_part_deck(path)
+    first = write_part_deck(tmp_path / "out", read, straight(read.mesh), 0.4)
+    again = read_part_deck(first[0])
+    with pytest.raises(MeshError, match=r"includes a_fibres\.inp already"):
+        write_part_deck(tmp_path / "more", again, straight(again.mesh), 0.4)
+
+
+def test_membranes_have_no_layers(tmp_path):
+    cells = ["*Element, type=M3D4R", "11, 1, 2, 3, 4"]
+    read = read_part_deck(written_deck(tmp_path, *NODES, *cells))
+    with pytest.raises(MeshError, match="element 11 is a membrane M3D4R"):
+        write_part_deck(tmp_path / "out", read, straight(read.mesh), 0.4, "M")

@@ -1,0 +1,163 @@
+"""Decks for CalculiX: a plate with a woven ply vibrates as laminate theory says."""
+
+import os
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial, legendre
+from scipy.linalg import eigh
+
+from skfem_textile import MeshError, drape
+from skfem_textile.io import read_part_deck, write_part_deck
+
+SIDE, REST, DENSITY = 100.0, 0.5, 1.5e-9  # mm, mm, t/mm³
+E1, E2, NU, G = 130e3, 10e3, 0.3, 5e3  # N/mm²
+
+
+def plate(path, n):
+    """A plate of n × n elements on supports; two are triangles, others reversed."""
+    s = np.linspace(0, SIDE, n + 1).tolist()
+    number = 1001 + 3 * np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    at = np.ndindex(n + 1, n + 1)
+    nodes = [f"{number[i, j]}, {s[i]!r}, {s[j]!r}, 0." for i, j in at]
+    quads, triangles, label = [], [], 5001
+    for i, j in np.ndindex(n, n):
+        x = [number[i, j], number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]]
+        cells = (
+            [x[:3], [x[0], *x[2:]]] if i == j == 2 else [x[:: 1 - 2 * ((i + j) % 2)]]
+        )
+        for cell in cells:
+            row = ", ".join(map(str, [label, *cell]))
+            (quads if len(cell) == 4 else triangles).append(row)
+            label += 2
+    edge = np.unique([number[0], number[-1], number[:, 0], number[:, -1]])
+    lines = ["*HEADING", "plate", "*NODE", *nodes]
+    lines += ["*ELEMENT, TYPE=S4R, ELSET=SKIN", *quads]
+    lines += ["*ELEMENT, TYPE=S3, ELSET=SKIN", *triangles]
+    lines += ["*NSET, NSET=EDGE", *(f"{k}," for k in edge)]
+    lines += ["*SHELL SECTION, ELSET=SKIN, MATERIAL=CFRP", "0.9"]
+    lines += ["*MATERIAL, NAME=CFRP", "*DENSITY", f"{DENSITY}", "*ELASTIC, TYPE=LAMINA"]
+    lines += [f"{E1}, {E2}, {NU}, {G}, {G}, 3500.", "*BOUNDARY", "EDGE, 1, 3"]
+    lines += ["*STEP", "*FREQUENCY", "1", "*END STEP", ""]
+    path.write_text("\n".join(lines))
+    return read_part_deck(path)
+
+
+def woven(mesh, warp, weft):
+    """Fibres at angles to the x axis in radians."""
+    n = mesh.n_elements
+    axes = (np.tile([[np.cos(a)], [np.sin(a)], [0.0]], n) for a in (warp, weft))
+    shear = np.full(n, warp + np.pi / 2 - weft)
+    axis = np.array([1.0, 0.0, 0.0])
+    return drape.FibresInSpace(mesh, mesh.normals(), *axes, shear, axis)
+
+
+def stiffness(angle):
+    """Plane stress stiffness of a lamina turned by an angle, (3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    scale = 1 / (1 - NU**2 * E2 / E1)
+    own = [
+        [E1 * scale, NU * E2 * scale, 0],
+        [NU * E2 * scale, E2 * scale, 0],
+        [0, 0, G],
+    ]
+    strain = [[c * c, s * s, c * s], [s * s, c * c, -c * s]]
+    strain = np.array([*strain, [-2 * c * s, 2 * c * s, c * c - s * s]])
+    return strain.T @ own @ strain
+
+
+def frequency(warp, weft):
+    """First frequency in Hz of the simply supported plate, by the Ritz method.
+
+    Thin plate; polynomials that vanish on its sides.
+    """
+    thick, n = REST / np.cos(warp + np.pi / 2 - weft), 10
+    D = (stiffness(warp) + stiffness(weft)) / 2 * thick**3 / 12
+    x, w = legendre.leggauss(30)
+    shapes = [Polynomial([1, 0, -1]) * Polynomial.basis(k) for k in range(n)]
+    f = np.array([[p.deriv(k)(x) if k else p(x) for k in range(3)] for p in shapes])
+    half = SIDE / 2
+
+    def product(a, b):
+        along, across = (
+            np.einsum("iq,jq,q->ij", f[:, a[k]], f[:, b[k]], w)
+            * half ** (1 - a[k] - b[k])
+            for k in (0, 1)
+        )
+        return np.kron(along, across)
+
+    curvatures = [(2, 0), (0, 2), (1, 1)]
+    factor = np.outer([1, 1, 2], [1, 1, 2]) * D
+    K = sum(
+        factor[i, j] * product(curvatures[i], curvatures[j])
+        for i, j in np.ndindex(3, 3)
+    )
+    M = DENSITY * thick * product((0, 0), (0, 0))
+    return float(np.sqrt(eigh(K, M, eigvals_only=True)[0]) / (2 * np.pi))
+
+
+def solved(folder):
+    """First frequency in Hz computed by CalculiX."""
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    command = ["ccx", "-i", "plate_ccx"]
+    subprocess.run(command, cwd=folder, env=environment, check=True, timeout=60)
+    rows = [x.split() for x in (folder / "plate_ccx.dat").read_text().splitlines()]
+    return next(float(row[3]) for row in rows if row[:1] == ["1"])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="requires CalculiX")
+def test_turned_fibres_change_the_frequency_of_a_plate_as_theory_says(tmp_path):
+    """Within 1 %, also with sheared fibres."""
+    deck = plate(tmp_path / "plate.inp", 8)
+    found, expected = [], []
+    for degrees in ((0, 90), (30, 120), (30, 100)):
+        angles = np.radians(degrees)
+        fibres, out = woven(deck.mesh, *angles), tmp_path / "out"
+        write_part_deck(out, deck, fibres, REST, calculix=True)
+        found.append(solved(out))
+        expected.append(frequency(*angles))
+    np.testing.assert_allclose(found, expected, rtol=0.01)
+    np.testing.assert_allclose(
+        found[1] / found[0], expected[1] / expected[0], rtol=0.01
+    )
+    assert expected[1] / expected[0] > 1.2
+
+
+def test_shells_are_raised_to_quadratic_ones_in_classes(tmp_path):
+    deck = plate(tmp_path / "plate.inp", 3)
+    n = deck.mesh.n_elements
+    fibres = woven(deck.mesh, 0.0, np.pi / 2)
+    turn = np.radians(0.02) * np.arange(n)  # 0.18° in all
+    fibres.warp[:2] = np.cos(turn), np.sin(turn)
+    write_part_deck(tmp_path / "out", deck, fibres, REST, calculix=True)
+    text = (tmp_path / "out" / "plate_ccx.inp").read_text()
+    rows = [x.split(", ") for x in text.splitlines() if not x.startswith(("**", "*"))]
+    sizes = {row[0]: len(row) - 1 for row in rows if "5000" < row[0] < "5100"}
+    kinds = dict(zip(map(str, deck.labels), deck.types, strict=True))
+    assert sizes == {k: 6 if kind == "S3" else 8 for k, kind in kinds.items()}
+    at = text.index("*NSET, NSET=EDGE\n", text.index("*NSET, NSET=EDGE\n") + 1)
+    between = (
+        text[at:].split("\n*")[0].split("\n", 1)[1].replace("\n", ", ").split(", ")
+    )
+    assert len(between) == 12  # one between each two of the 12 nodes at corners
+    assert text.count("*SHELL SECTION, COMPOSITE") in (2, 3)
+    constants = text.split("*ELASTIC, TYPE=ENGINEERING CONSTANTS\n")[1].split("\n")[:2]
+    expected = [E1, E2, E2, NU, 0, 0, G, G]
+    assert [float(x) for x in constants[0].split(", ")] == expected
+    assert "\n*ELASTIC, TYPE=LAMINA" not in text
+
+
+def test_decks_with_parts_are_refused_for_calculix(tmp_path):
+    path = tmp_path / "a.inp"
+    lines = ["*Part, name=P", "*Node", "1, 0, 0, 0", "2, 1, 0, 0", "3, 0, 1, 0"]
+    lines += ["*Element, type=S3", "1, 1, 2, 3", "*End Part", "*Assembly, name=A"]
+    lines += ["*Instance, name=I, part=P", "*End Instance", "*End Assembly", ""]
+    path.write_text("\n".join(lines))
+    deck = read_part_deck(path)
+    fibres = woven(deck.mesh, 0.0, np.pi / 2)
+    with pytest.raises(MeshError, match="CalculiX reads decks without"):
+        write_part_deck(tmp_path / "out", deck, fibres, 0.5, "M", calculix=True)
+    assert not (tmp_path / "out").exists()
