@@ -135,7 +135,9 @@ def test_shells_are_raised_to_quadratic_ones_in_classes(tmp_path):
     write_part_deck(tmp_path / "out", deck, fibres, REST, calculix=True)
     text = (tmp_path / "out" / "plate_ccx.inp").read_text()
     rows = [x.split(", ") for x in text.splitlines() if not x.startswith(("**", "*"))]
-    sizes = {row[0]: len(row) - 1 for row in rows if "5000" < row[0] < "5100"}
+    sizes = {
+        row[0]: len(row) - 1 for row in rows if "5000" < row[0] < "51" and len(row) > 5
+    }
     kinds = dict(zip(map(str, deck.labels), deck.types, strict=True))
     assert sizes == {k: 6 if kind == "S3" else 8 for k, kind in kinds.items()}
     at = text.index("*NSET, NSET=EDGE\n", text.index("*NSET, NSET=EDGE\n") + 1)
@@ -143,7 +145,8 @@ def test_shells_are_raised_to_quadratic_ones_in_classes(tmp_path):
         text[at:].split("\n*")[0].split("\n", 1)[1].replace("\n", ", ").split(", ")
     )
     assert len(between) == 12  # one between each two of the 12 nodes at corners
-    assert text.count("*SHELL SECTION, COMPOSITE") in (2, 3)
+    # Of ten elements with both normals; directions in three classes at most.
+    assert 4 <= text.count("*SHELL SECTION, COMPOSITE") <= 6
     constants = text.split("*ELASTIC, TYPE=ENGINEERING CONSTANTS\n")[1].split("\n")[:2]
     expected = [E1, E2, E2, NU, 0, 0, G, G]
     assert [float(x) for x in constants[0].split(", ")] == expected
