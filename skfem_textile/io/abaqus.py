@@ -29,7 +29,7 @@ _COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')
 class Block(NamedTuple):
     """Keyword, its parameters, the words of its data lines, and all its line numbers.
 
-    Lines are numbered from 0 on, without those of comments.
+    Lines are numbered from 0 on; lines of comments are omitted.
     """
 
     keyword: str
@@ -440,9 +440,9 @@ def members_of(deck: Deck, keyword: str, word: bytes) -> ndarray:
     """Members of a set that is defined so far."""
     key = name_key(word.decode(errors="replace"))
     deck.used.add((keyword, key))
-    name = deck.spelled.get((keyword, key))
+    name = deck.spelled.get((keyword, key), "")
     found = [deck.sets[keyword, name]] if (keyword, name) in deck.sets else []
-    if keyword == "ELSET" and name is not None:
+    if keyword == "ELSET" and name:
         found += [numbers for _, numbers, _, elset in deck.blocks if elset == name]
     if not found and (keyword, key.upper()) in deck.of_assembly:
         return np.empty(0, "i8")
@@ -579,11 +579,10 @@ def deck_of(
     for keyword, sets in (("NSET", node_sets), ("ELSET", {**own, **element_sets})):
         for name, word in _words_of(sets).items():
             lines += set_lines(keyword, word, (sets[name] + 1).tolist())
-    lines += ["*DISTRIBUTION TABLE, NAME=AXES", "COORD3D, COORD3D"]
     for name, family in ((WARP, warp), (WEFT, weft)):
         across = np.cross(normal, family, axis=0)
         a, b = family[:, covered], across[:, covered]
-        lines += axes_lines(name, "AXES", number[covered].tolist(), a, b)
+        lines += axes_lines(name, number[covered].tolist(), a, b)
     return "\n".join([*lines, ""])
 
 
@@ -627,21 +626,24 @@ def set_lines(keyword: str, name: str, numbers: Sequence[int]) -> Iterator[str]:
 
 
 def distribution_lines(
-    name: str, table: str, default: str, numbers: Sequence[int], values: ndarray
+    name: str, kind: str, default: list[float], numbers: Sequence[int], values: ndarray
 ) -> Iterator[str]:
-    """Distribution of values on elements, shape (n_values, n), in 20 characters."""
-    yield f"*DISTRIBUTION, NAME={name}, LOCATION=ELEMENT, TABLE={table}"
-    yield f", {default}"
+    """Distribution of values on elements, shape (n_values, n), and its table."""
+    yield f"*DISTRIBUTION TABLE, NAME={name}_TABLE"
+    yield kind
+    yield f"*DISTRIBUTION, NAME={name}, LOCATION=ELEMENT, TABLE={name}_TABLE"
+    yield ", ".join(["", *map(real_word, default)])
     for number, row in zip(numbers, values.T.tolist(), strict=True):
         yield ", ".join([str(number), *map(real_word, row)])
 
 
 def axes_lines(
-    name: str, table: str, numbers: Sequence[int], a: ndarray, b: ndarray
+    name: str, numbers: Sequence[int], a: ndarray, b: ndarray
 ) -> Iterator[str]:
-    """Orientation with points a and b of each element, shape (3, n), and its table."""
+    """Orientation with points a and b of each element, shape (3, n)."""
     yield f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR"
     yield f"{name}_AXES"
     yield "3, 0."
-    values, x_y = np.vstack([a, b]), "1., 0., 0., 0., 1., 0."
-    yield from distribution_lines(f"{name}_AXES", table, x_y, numbers, values)
+    values, x_y = np.vstack([a, b]), [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    kind = "COORD3D, COORD3D"
+    yield from distribution_lines(f"{name}_AXES", kind, x_y, numbers, values)

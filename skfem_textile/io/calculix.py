@@ -4,49 +4,50 @@ CalculiX ignores ``*DISTRIBUTION`` under shells.  Each class of similar directio
 thickness has its own section and orientations.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from .abaqus import Block, members_of, node_lines, set_lines
+from .abaqus import Block, node_lines, set_lines
 from .file_numbers import real_word
 from .layups import SEQUENCE, WARP, Element, Layup
-from .part_abaqus import AbaqusDeck, first_words, section_again, type_of
+from .part_abaqus import AbaqusDeck, Group, first_words, type_of
 
 # Width of classes of directions in degrees, and of classes of relative thickness.
 _CLASS_DEG, _CLASS_THICKNESS = 0.1, 1e-3
 
 _LINEAR_OR_QUADRATIC = ("S3", "S4", "S6", "S8", "S9", "STRI")
 
-# Numbers of an `*ELASTIC` line, the first of two, with engineering constants.
-_IN_FIRST_LINE = 8
-
 
 @dataclass
 class _MidNodes:
-    """New nodes on edges, by their end nodes; ``last`` is the largest number so far."""
+    """New nodes in the middle of edges, by their end nodes."""
 
     positions: dict[int, ndarray]
-    last: int
     of_edges: dict[tuple[int, int], int] = field(default_factory=dict)
-    new: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.last = max(self.positions)
 
     def between(self, a: int, b: int) -> int:
+        """Number of the node of an edge."""
         edge = min(a, b), max(a, b)
         if edge not in self.of_edges:
             self.last += 1
-            self.of_edges[edge] = self.last
-            self.positions[self.last] = (self.positions[a] + self.positions[b]) / 2
-            self.new.append(self.last)
+            new = self.of_edges[edge] = self.last
+            self.positions[new] = (self.positions[a] + self.positions[b]) / 2
         return self.of_edges[edge]
 
+    def within(self, ends: set[int]) -> list[int]:
+        """Nodes of the edges whose end nodes are both in a set."""
+        edges = self.of_edges.items()
+        return [n for (a, b), n in edges if a in ends and b in ends]
 
-def calculix_deck(
-    deck: AbaqusDeck, elements: Sequence[Element], layup: Layup, material: str | None
-) -> tuple[bytes, list[str]]:
+
+def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
     """Deck in one file with elements raised to S8R and S6, and remarks.
 
     Raises
@@ -54,49 +55,44 @@ def calculix_deck(
     MeshError
         If the deck has parts, which CalculiX does not read, or covered membranes.
     """
-    part = deck.flat
-    if part.deck.tags is None or any(element.scope for element in elements):
+    part, elements = deck.flat, {x.number: x for x in layup.elements}
+    if any(element.scope for element in layup.elements):
         raise MeshError("CalculiX reads decks without *PART alone")
-    index = {x.number: i for i, x in enumerate(elements)}
-    plies = {n: i for n, i in index.items() if layup.covered[i]}
-    if other := [i for i in plies.values() if not _is_raised(elements[i].kind)]:
-        element = elements[other[0]]
-        raise MeshError(f"element {element.number} is a {element.kind}: use S3 to S8R")
-    nodes = _MidNodes({n: x for (_, n), x in deck.positions.items()}, 0)
-    nodes.last = max(nodes.positions)
-    text, remarks = deck.text.unchanged(), list[str]()
+    plies = {layup.elements[i].number: i for i in layup.indices()}
+    if other := [n for n in plies if not _is_raised(elements[n].kind)]:
+        kind = elements[other[0]].kind
+        raise MeshError(f"element {other[0]} is a {kind}: use S3 to S8R")
+    nodes = _MidNodes({n: x for (_, n), x in deck.positions.items()})
+    text, remarks, lines = deck.text.unchanged(), list[str](), list[str]()
     for block in deck.blocks:
-        if block.keyword == "ELEMENT" and _is_raised(type_of(block)):
-            text.comment_out(block.lines, b"**")
-            own = [elements[index[n]] for n in first_words(block.data) if n in index]
-            lines = _raised(own, nodes, block.parameters.get("ELSET"))
-            text.insert(block.lines[0], [x.encode("latin-1") for x in lines])
-        elif block.keyword == "ELASTIC" and type_of(block) == "LAMINA":
-            text.comment_out(block.lines, b"**")
-            text.insert(block.lines[0], [x.encode() for x in _engineering(block)])
-        elif block.keyword == "BOUNDARY" and any(x[0].isdigit() for x in block.data):
+        if block.keyword == "BOUNDARY" and any(x[0].isdigit() for x in block.data):
             remarks.append(
                 "*BOUNDARY on single nodes: new nodes between them are free; use sets"
             )
-    lines = []
+        new = list(_changed(block, elements, nodes))
+        if new:
+            text.comment_out(block.lines, b"**")
+            text.insert(block.lines[0], [x.encode("latin-1") for x in new])
     for (keyword, name), members in part.deck.sets.items():
         if keyword == "NSET":
-            of = set(members.tolist())
-            ends = nodes.of_edges.items()
-            more = [n for (a, b), n in ends if a in of and b in of]
-            lines += set_lines("NSET", name, more)
-    for members, chosen, section in deck.groups(part, set(plies), material):
-        lines += _classes(members, plies, layup, chosen, len(lines))
-        if section is None:
-            continue
-        text.comment_out(section.lines, b"**")
-        name = section.parameters.get("ELSET", "")
-        every = set(members_of(part.deck, "ELSET", name.encode()).tolist())
-        if others := sorted(every - set(members)):
-            lines += set_lines("ELSET", f"REST_{len(lines)}", others)
-            lines += section_again(section, f"REST_{len(lines)}")
+            lines += set_lines("NSET", name, nodes.within(set(members.tolist())))
+    for k, group in enumerate(deck.groups(part, set(plies), layup.material)):
+        lines += _classes(group, plies, layup, f"CLASS_{k}")
+        lines += group.rest_lines(str)
+        list(group.comment_out(text))
     text.insert(part.end, [x.encode("latin-1") for x in lines])
     return b"\n".join([*text.changed(), b""]), remarks
+
+
+def _changed(
+    block: Block, elements: dict[int, Element], nodes: _MidNodes
+) -> Iterator[str]:
+    """Lines in place of elements and materials that CalculiX does not read."""
+    if block.keyword == "ELEMENT" and _is_raised(type_of(block)):
+        own = [elements[n] for n in first_words(block.data)]
+        yield from _raised(own, nodes, block.parameters.get("ELSET"))
+    elif block.keyword == "ELASTIC" and type_of(block) == "LAMINA":
+        yield from _engineering(block)
 
 
 def _is_raised(kind: str) -> bool:
@@ -106,7 +102,7 @@ def _is_raised(kind: str) -> bool:
 def _raised(own: list[Element], nodes: _MidNodes, name: str | None) -> list[str]:
     """Lines of quadratic elements, and of their new nodes before them."""
     rows: dict[str, list[str]] = {"S8R": [], "S6": []}
-    nodes.new.clear()
+    before = len(nodes.of_edges)
     for element in own:
         corners, n = element.corners, len(element.corners)
         ends = zip(corners, (*corners[1:], corners[0]), strict=True)
@@ -116,9 +112,9 @@ def _raised(own: list[Element], nodes: _MidNodes, name: str | None) -> list[str]
         kind = "S8R" if n == 4 else "S6"
         row = element.number, *corners, *given
         rows[kind].append(", ".join(map(str, row)))
-    lines = ["*NODE"] * bool(nodes.new)
-    points = np.array([nodes.positions[n] for n in nodes.new]).reshape(-1, 3).T
-    lines += node_lines(nodes.new, points)
+    new = list(nodes.of_edges.values())[before:]
+    lines = ["*NODE"] * bool(new)
+    lines += node_lines(new, np.array([nodes.positions[n] for n in new]).T)
     for kind, some in rows.items():
         own_set = f", ELSET={name}" if name else ""
         lines += [f"*ELEMENT, TYPE={kind}{own_set}"] * bool(some) + some
@@ -140,9 +136,10 @@ def _engineering(block: Block) -> Iterator[str]:
 
 
 def _classes(
-    members: list[int], plies: dict[int, int], layup: Layup, material: str, first: int
+    group: Group, plies: dict[int, int], layup: Layup, first: str
 ) -> Iterator[str]:
     """Orientations and sections of covered elements."""
+    members = group.members
     at = np.array([plies[n] for n in members])
     frame = np.vstack([layup.warp, layup.weft, layup.normal])[:, at]
     thick = layup.thickness[at]
@@ -154,7 +151,7 @@ def _classes(
     for number in range(of_class.max() + 1):
         own = np.flatnonzero(of_class == number)
         warp, weft, normal = frame[:, own].mean(axis=1).reshape(3, 3)
-        name = f"CLASS_{first}_{number}"
+        name = f"{first}_{number}"
         yield from set_lines("ELSET", name, [members[i] for i in own.tolist()])
         for family, a in (("P", warp), ("F", weft)):
             yield f"*ORIENTATION, NAME={name}{family}, SYSTEM=RECTANGULAR"
@@ -163,4 +160,4 @@ def _classes(
         layer = float(thick[own].mean()) / len(SEQUENCE)
         for family in SEQUENCE:
             axes = f"{name}{'P' if family == WARP else 'F'}"
-            yield f"{real_word(layer)}, , {material}, {axes}"
+            yield f"{real_word(layer)}, , {group.material}, {axes}"

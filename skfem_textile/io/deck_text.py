@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -33,6 +33,18 @@ class _File:
     lines: list[bytes]  # with their ends
     # By the line of the name: the file and its name as given.
     includes: dict[int, tuple["_File", bytes]] = field(default_factory=dict)
+
+    def copy(self, changes: dict[int, list[bytes]], names: dict[Path, str]) -> bytes:
+        """Content with changed lines, and new names of include files."""
+        lines = list(self.lines)
+        for at, (child, name) in self.includes.items():
+            if _path(name) != names[child.path]:
+                new = names[child.path].encode("latin-1", "replace")
+                lines[at] = lines[at].replace(name, new)
+        for at, by in changes.items():
+            end = lines[at][len(lines[at].rstrip(b"\r\n")) :] or b"\n"
+            lines[at] = b"".join(line + end for line in by)
+        return b"".join(lines)
 
 
 @dataclass
@@ -86,7 +98,7 @@ class DeckText:
                 self._at.append((file, one))
             line += found.n_lines if found else 1
             if found:
-                name = found.name.decode("latin-1").strip().replace("\\", "/")
+                name = _path(found.name)
                 inner = (self.files[0].path.parent if within else path.parent) / name
                 if not inner.is_file() and (path.parent / name).is_file():
                     inner = path.parent / name
@@ -130,8 +142,8 @@ class DeckText:
         kept = (self._changes.get(i, [x]) for i, x in enumerate(self.lines))
         return [x for lines in kept for x in lines] + self._rest
 
-    def write(self, folder: Path) -> list[Path]:
-        """Write all files with the changes; returns their paths, the deck first.
+    def write(self, folder: Path, more: Mapping[str, list[str]]) -> list[Path]:
+        """Write all files with the changes, and more files by name; returns all paths.
 
         Files below the folder of the deck keep their places relative to it.  Others
         are written next to the deck, and the lines that include them are adapted.
@@ -139,40 +151,42 @@ class DeckText:
         Raises
         ------
         MeshError
-            If a file is included twice and its copies would differ, or two have the
-            same place.
+            If a changed file is included more than once, or two files would be written
+            to one place.
         """
-        by_place: dict[tuple[int, int], list[bytes]] = {}
+        changes, names = self._by_file(), self._names()
+        if taken := set(more) & {file.path.name for file in self.files}:
+            name = printable(min(taken))
+            raise MeshError(f"the deck includes {name} already: take the deck before")
+        copies = {
+            names[f.path]: f.copy(changes.get(f.path, {}), names) for f in self.files
+        }
+        main = names[self.files[0].path]
+        if self._rest:
+            whole = copies[main]
+            end = b"\r\n" if b"\r\n" in whole else b"\n"
+            whole += b"" if whole.endswith((b"\n", b"\r")) else end
+            copies[main] = whole + b"".join(line + end for line in self._rest)
+        for name, lines in more.items():
+            copies[name] = "\n".join([*lines, ""]).encode("latin-1", "replace")
+        for name, content in copies.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(content)
+        return [folder / name for name in copies]
+
+    def _by_file(self) -> dict[Path, dict[int, list[bytes]]]:
+        """New lines by file and line in it."""
+        changes: dict[Path, dict[int, list[bytes]]] = {}
         for line, by in self._changes.items():
             file, at = self._at[line]
-            if by_place.setdefault((id(file), at), by) != by:
+            changes.setdefault(file.path, {})[at] = by
+        for path in changes:
+            if [file.path for file in self.files].count(path) > 1:
                 raise MeshError(
-                    f"the file {printable(file.path)} is included more than once: "
-                    "include copies of it"
+                    f"the file {printable(path)} is included more than once: include "
+                    "copies of it"
                 )
-        names = self._names()
-        written = []
-        for file in self.files:
-            lines = list(file.lines)
-            for at, (child, name) in file.includes.items():
-                given = name.strip().replace(b"\\", b"/").decode("latin-1")
-                if given != names[child.path]:
-                    new = names[child.path].encode("latin-1", "replace")
-                    lines[at] = lines[at].replace(name, new)
-            for at, line in enumerate(lines):
-                end = line[len(line.rstrip(b"\r\n")) :] or b"\n"
-                if (by := by_place.get((id(file), at))) is not None:
-                    lines[at] = b"".join(one + end for one in by)
-            if file is self.files[0] and self._rest:
-                end = b"\r\n" if lines and lines[0].endswith(b"\r\n") else b"\n"
-                if lines and not lines[-1].endswith((b"\n", b"\r")):
-                    lines[-1] += end
-                lines += [one + end for one in self._rest]
-            path = folder / names[file.path]
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(b"".join(lines))
-            written.append(path)
-        return list(dict.fromkeys(written))
+        return changes
 
     def _names(self) -> dict[Path, str]:
         """Name of the copy of each file, relative to the folder of the copies."""
@@ -185,5 +199,11 @@ class DeckText:
         by_name: dict[str, Path] = {}
         for path, name in names.items():
             if by_name.setdefault(name, path.resolve()) != path.resolve():
-                raise MeshError(f"two include files have the name {printable(name)}")
+                raise MeshError(
+                    f"the name {printable(name)} of an include file occurs twice"
+                )
         return names
+
+
+def _path(name: bytes) -> str:
+    return name.decode("latin-1").strip().replace("\\", "/")

@@ -7,6 +7,7 @@ both families: stretching does not bend the ply, and with the thickness t its be
 stiffness is t²/12 times its stretching stiffness, as of a homogeneous sheet.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..nets.sheet import FibresInSpace
-from ..surfaces.tool_mesh import ToolMesh, unit
+from ..surfaces.tool_mesh import unit
 
 WARP, WEFT = "WARP", "WEFT"
 
@@ -51,25 +52,33 @@ class Layup:
     ``warp``, ``weft`` and ``normal`` are unit vectors of shape (3, n), normals by the
     order of nodes.  ``thickness`` is in mm, shape (n,), and NaN for elements that the
     ply does not cover.  ``rest`` is the thickness at rest, or the mean of the others.
+    ``material`` is a name, or None for the material of the deck.
     """
 
+    elements: Sequence[Element]
     warp: ndarray
     weft: ndarray
     normal: ndarray
     thickness: ndarray
     rest: float
+    material: str | None
 
     @classmethod
     def of(
-        cls, mesh: ToolMesh, fibres: FibresInSpace, thickness: float | ndarray
+        cls,
+        elements: Sequence[Element],
+        fibres: FibresInSpace,
+        thickness: ndarray,
+        material: str | None,
     ) -> "Layup":
-        """Layup of fibres, with the thickness at rest or that of each element."""
-        of_elements, shear = np.asarray(thickness, dtype=float), fibres.shear_angle
-        if of_elements.ndim == 0:
-            of_elements = of_elements / np.cos(shear)
-        of_elements = np.where(fibres.covered, of_elements, np.nan)
-        rest = float(np.nanmean(thickness) if np.ndim(thickness) else thickness)
-        return cls(fibres.warp, fibres.weft, mesh.normals(), of_elements, rest)
+        """Layup of fibres, with the thickness at rest or in each element."""
+        sheared = np.broadcast_to(thickness, fibres.covered.shape)
+        if thickness.ndim == 0:
+            sheared = sheared / np.cos(fibres.shear_angle)
+        sheared = np.where(fibres.covered, sheared, np.nan)
+        rest = float(np.nanmean(sheared) if thickness.ndim else thickness)
+        axes = fibres.warp, fibres.weft, fibres.mesh.normals()
+        return cls(elements, *axes, sheared, rest, material)
 
     @property
     def covered(self) -> ndarray:
@@ -83,6 +92,10 @@ class Layup:
     def turn_of_weft(self) -> ndarray:
         """Angle from the warp to the weft in degrees about the normal, shape (n,)."""
         return self.angles_deg(self.warp)[1]
+
+    def indices(self) -> list[int]:
+        """Indices of the elements with the ply."""
+        return np.flatnonzero(self.covered).tolist()
 
     def angles_deg(self, axis: ndarray) -> tuple[ndarray, ndarray]:
         """Angles of warp and weft in degrees about the normal, shape (n,) each.

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -27,7 +27,7 @@ from .abaqus import (
     set_lines,
 )
 from .deck_text import DeckText, Include
-from .file_numbers import errors_about, real_word
+from .file_numbers import errors_about
 from .layups import SEQUENCE, WARP, Element, Layup
 
 # Types by number of corners and of nodes.  Continuum shells have two faces.
@@ -45,7 +45,7 @@ _SECTIONS = ("SHELL SECTION", "SHELL GENERAL SECTION", "MEMBRANE SECTION")
 _OF_MESH = ("NODE", "ELEMENT", "NSET", "ELSET")
 
 # Names of what the include file defines, and integration points of a layer.
-_AXES, _TURN, _THICKNESS, _SET = "FIBRE", "FIBRE_TURN", "FIBRE_LAYER", "FIBRES"
+_AXES, _TURN, _LAYER, _SET = "FIBRE", "FIBRE_TURN", "FIBRE_LAYER", "FIBRES"
 _POINTS = 3
 
 # Parameters of a section that a layup keeps.
@@ -91,7 +91,7 @@ class AbaqusDeck:
     left
         Numbers of other elements by type.
     flat
-        What is outside of parts.
+        Content outside of parts.
     blocks
         All keywords with their data.
     """
@@ -177,14 +177,13 @@ class AbaqusDeck:
         if len(set(keys)) < len(keys):
             raise MeshError(f"a node number is used twice{_in(scope)}")
         self.positions |= dict(zip(keys, points, strict=True))
-        own = []
         for kind, numbers, nodes, name in deck.blocks:
             if kind in _SHELLS:
-                own += self._elements(kind, numbers.tolist(), nodes.tolist(), scope)
+                rows = numbers.tolist(), nodes.tolist()
+                self.elements += self._elements(kind, *rows, scope)
             if name is not None:
                 members = [(scope, n) for n in numbers.tolist()]
                 self.sets.setdefault(_dotted(scope, name), []).extend(members)
-        self.elements += own
         for (keyword, name), numbers in deck.sets.items():
             if keyword == "ELSET":
                 members = [(scope, n) for n in numbers.tolist()]
@@ -208,7 +207,8 @@ class AbaqusDeck:
         if missing := [n for _, n in pair if (scope, n) not in self.positions]:
             raise MeshError(f"node {missing[0]} is used, but not defined")
         number = -((a << 32) + b)
-        self.positions[scope, number] = sum(self.positions[x] for x in pair) / 2
+        one, other = (self.positions[x] for x in pair)
+        self.positions[scope, number] = (one + other) / 2
         return number
 
     def _add_own_set(self, block: Block) -> None:
@@ -239,179 +239,94 @@ class AbaqusDeck:
 
     # Layups
 
-    def write(
-        self,
-        folder: Path,
-        elements: Sequence[Element],
-        layup: Layup,
-        material: str | None,
-    ) -> tuple[list[Path], list[str]]:
-        """Write a copy with an include file for each part with fibres.
-
-        ``elements`` are in the order of the layup.  Returns the files, and remarks.
-        """
-        remarks: list[str] = []
+    def write(self, folder: Path, layup: Layup) -> tuple[list[Path], list[str]]:
+        """Write a copy with an include file for each part with fibres, and remarks."""
+        text, remarks = self.text.unchanged(), list[str]()
         files: dict[str, list[str]] = {}
-        text = self.text.unchanged()
-        stem = self.text.files[0].path.stem
         for part in self._parts.values():
-            if not (plies := self._plies(part, elements, layup)):
+            if not (plies := self._plies(part, layup)):
                 continue
-            lines = self._include_lines(
-                text, part, plies, elements, layup, material, remarks
-            )
-            words = "_".join(filter(None, (stem, "fibres", part.name)))
-            name = re.sub(r"[^\w-]", "_", words) + ".inp"
-            files[name] = lines
+            words = self.text.files[0].path.stem, "fibres", part.name
+            name = re.sub(r"[^\w-]", "_", "_".join(filter(None, words))) + ".inp"
             text.insert(part.end, [f"*INCLUDE, INPUT={name}".encode()])
-        taken = {file.path.name for file in self.text.files} & set(files)
-        if taken:
-            raise MeshError(
-                f"the deck includes {min(taken)} already: take the deck without it"
-            )
-        written = text.write(folder)
-        for name, lines in files.items():
-            written.append(folder / name)
-            written[-1].write_text("\n".join([*lines, ""]), encoding="latin-1")
-        return written, remarks
+            files[name] = list(self._include_lines(part, plies, layup))
+            for group in self.groups(part, set(plies), layup.material):
+                remarks += group.comment_out(text)
+        return text.write(folder, files), remarks
 
-    def _plies(
-        self, part: _Part, elements: Sequence[Element], layup: Layup
-    ) -> dict[int, int]:
-        """Index of each covered element by its number, checked over all instances."""
-        scopes = [instance.name for instance in part.instances]
-        own = [i for i, x in enumerate(elements) if x.scope in scopes]
-        plies = {elements[i].number: i for i in own if layup.covered[i]}
-        if not plies or len(scopes) == 1:
-            return plies
+    def _plies(self, part: _Part, layup: Layup) -> dict[int, int]:
+        """Index of each covered element by its number, ascending.
+
+        All instances of a part must have the same fibres.
+        """
         turns = {instance.name: instance.turn for instance in part.instances}
-        for i in own:
-            first = plies.get(elements[i].number)
-            if first is None and not layup.covered[i]:
+        found: dict[int, tuple[ndarray, int]] = {}
+        for i, element in enumerate(layup.elements):
+            if element.scope not in turns:
                 continue
-            turn = turns[elements[i].scope].T
-            same = first is not None and layup.covered[i]
-            if same:
-                other = turns[elements[first].scope].T
-                gap = turn @ layup.warp[:, i] - other @ layup.warp[:, first]
-                same = np.abs(gap).max() < np.radians(_SAME_DEG)
-            if not same:
+            warp = turns[element.scope].T @ layup.warp[:, i]
+            first, _ = found.setdefault(element.number, (warp, i))
+            if not np.allclose(warp, first, 0, np.radians(_SAME_DEG), equal_nan=True):
                 raise MeshError(
-                    f"*PART {part.name!r} has {len(scopes)} instances with different "
+                    f"*PART {part.name!r} has {len(turns)} instances with different "
                     "fibres: export a part for each instance"
                 )
-        return plies
+        covered = layup.covered
+        return {n: i for n, (_, i) in sorted(found.items()) if covered[i]}
 
     def _include_lines(
-        self,
-        text: DeckText,
-        part: _Part,
-        plies: dict[int, int],
-        elements: Sequence[Element],
-        layup: Layup,
-        material: str | None,
-        remarks: list[str],
-    ) -> list[str]:
-        """Lines of the include file of a part; its sections are commented out."""
+        self, part: _Part, plies: dict[int, int], layup: Layup
+    ) -> Iterator[str]:
+        """Lines of the include file of a part."""
         turn = {instance.name: instance.turn for instance in part.instances}
-        numbers = np.array(sorted(plies))
-        index = np.array([plies[n] for n in numbers.tolist()])
-        turns = np.array([turn[elements[i].scope] for i in index.tolist()])
+        kinds = {x.number: x.kind for x in layup.elements if x.scope in turn}
+        numbers, index = list(plies), list(plies.values())
+        turns = np.array([turn[layup.elements[i].scope] for i in index])
         a, b = (
             np.einsum("nij,in->jn", turns, v[:, index])
             for v in (layup.warp, layup.across())
         )
-        axes, angle, layer = map(self._free, (_AXES, _TURN, _THICKNESS))
-        thick, n = layup.thickness[index] / len(SEQUENCE), numbers.tolist()
-        tables = [f"{name}_TABLE" for name in (axes, angle, layer)]
-        lines = [
-            "** fibres of a woven ply, by skfem_textile; lengths in mm",
-            f"*DISTRIBUTION TABLE, NAME={tables[0]}",
-            "COORD3D, COORD3D",
-            *axes_lines(axes, tables[0], n, a, b),
-            f"*DISTRIBUTION TABLE, NAME={tables[1]}",
-            "ANGLE",
-            *distribution_lines(
-                angle, tables[1], "90.", n, layup.turn_of_weft()[None, index]
-            ),
-            f"*DISTRIBUTION TABLE, NAME={tables[2]}",
-            "LENGTH",
-            *distribution_lines(
-                layer, tables[2], real_word(layup.rest / len(SEQUENCE)), n, thick[None]
-            ),
-        ]
-        kinds = {x.number: x.kind for x in elements if x.scope in turn}
-        rest = sorted(set(kinds) - set(plies))
-        lines += set_lines("ELSET", self._free(NOT_COVERED), rest)
-        for members, chosen, section in self.groups(part, set(plies), material):
-            kept = section.parameters if section else {}
-            lines += self._section(members, kinds, chosen, axes, angle, layer, kept)
-            if section is None:
-                continue
-            name = section.parameters.get("ELSET", "")
-            text.comment_out(section.lines, b"**")
-            whose = "" if material else f"; its material {chosen} is that of the layers"
-            remarks.append(
-                f"{section} of {excerpt(name)} is commented out for {len(members)} "
-                f"element(s) with fibres{whose}"
-            )
-            every = members_of(part.deck, "ELSET", name.encode()).tolist()
-            again = self._free(f"{NOT_COVERED}_{name}")
-            if others := sorted(set(every) - set(members)):
-                lines += set_lines("ELSET", again, others)
-                lines += section_again(section, again)
-        return lines
+        axes, angle, layer = map(self._free, (_AXES, _TURN, _LAYER))
+        layers = 1 / len(SEQUENCE)
+        yield "** fibres of a woven ply, by skfem_textile; lengths in mm"
+        yield from axes_lines(axes, numbers, a, b)
+        weft, thick = layup.turn_of_weft()[None, index], layup.thickness[None, index]
+        yield from distribution_lines(angle, "ANGLE", [90.0], numbers, weft)
+        rest = [layup.rest * layers]
+        yield from distribution_lines(layer, "LENGTH", rest, numbers, thick * layers)
+        left = sorted(set(kinds) - set(plies))
+        yield from set_lines("ELSET", self._free(NOT_COVERED), left)
+        for group in self.groups(part, set(plies), layup.material):
+            for members in _by_shell(group.members, kinds):
+                name, kind = self._free(_SET), kinds[members[0]]
+                yield from set_lines("ELSET", name, members)
+                given = [f"ELSET={name}", f"ORIENTATION={axes}", *group.kept()]
+                yield ", ".join(["*SHELL SECTION, COMPOSITE", *given])
+                of_layer = "1." if kind.startswith("SC") else layer
+                for i, family in enumerate(SEQUENCE, 1):
+                    turned = "0." if family == WARP else angle
+                    of = group.material, turned, f"{family}_{i}"
+                    yield ", ".join([of_layer, str(_POINTS), *of])
+            yield from group.rest_lines(self._free)
 
     def groups(
         self, part: _Part, covered: set[int], material: str | None
-    ) -> Iterator[tuple[list[int], str, Block | None]]:
-        """Elements of a section with fibres, with their material and section."""
+    ) -> Iterator["Group"]:
+        """Elements of each section with fibres."""
         left = set(covered)
         for section in part.sections:
             with errors_about(section):
                 name = section.parameters.get("ELSET", "").encode()
-                own = left & set(members_of(part.deck, "ELSET", name).tolist())
-                left -= own
-                if own:
-                    yield sorted(own), material or _material(section), section
+                members = set(members_of(part.deck, "ELSET", name).tolist())
+                if own := members & left:
+                    chosen = material or _material(section)
+                    rest = sorted(members - covered)
+                    yield Group(sorted(own), rest, chosen, section, material is None)
+                left -= members
         if left and material is None:
             raise MeshError(f"element {min(left)} has no section: specify the material")
         if left:
-            yield sorted(left), str(material), None
-
-    def _section(
-        self,
-        members: list[int],
-        kinds: dict[int, str],
-        material: str,
-        axes: str,
-        angle: str,
-        layer: str,
-        given: dict[str, str],
-    ) -> Iterator[str]:
-        """Section of covered elements; thickness of continuum shells is relative."""
-        by_shell: dict[str, list[int]] = {}
-        for n in members:
-            by_shell.setdefault(
-                "SC" if kinds[n].startswith("SC") else kinds[n][0], []
-            ).append(n)
-        if "M" in by_shell:
-            raise MeshError(
-                f"element {by_shell['M'][0]} is a membrane {kinds[by_shell['M'][0]]}, "
-                "which has no layers: use shells"
-            )
-        for shell, numbers in by_shell.items():
-            name = self._free(_SET)
-            yield from set_lines("ELSET", name, numbers)
-            kept = [f", {key}={given[key]}" for key in _KEPT if key in given]
-            yield (
-                f"*SHELL SECTION, COMPOSITE, ELSET={name}, ORIENTATION={axes}"
-                + "".join(kept)
-            )
-            thick = "1." if shell == "SC" else layer
-            for i, family in enumerate(SEQUENCE, 1):
-                turn = "0." if family == WARP else angle
-                yield f"{thick}, {_POINTS}, {material}, {turn}, {family}_{i}"
+            yield Group(sorted(left), [], str(material), None, False)
 
     def _free(self, name: str) -> str:
         """Name that neither the deck nor an include file uses."""
@@ -422,6 +337,56 @@ class AbaqusDeck:
                 break
         self._names.add(free.upper())
         return free
+
+
+class Group(NamedTuple):
+    """Elements of a section with fibres, without fibres, and the material of layers."""
+
+    members: list[int]
+    rest: list[int]
+    material: str
+    section: Block | None
+    own: bool  # if the material is taken from the section
+
+    def kept(self) -> list[str]:
+        """Parameters of the section for the layers."""
+        given = self.section.parameters if self.section else {}
+        return [f"{key}={given[key]}" for key in _KEPT if key in given]
+
+    def rest_lines(self, free: Callable[[str], str]) -> Iterator[str]:
+        """Section of the elements without fibres, and their set with a free name."""
+        if self.section is None or not self.rest:
+            return
+        section = self.section
+        name = re.sub(r"\W", "_", section.parameters.get("ELSET", ""))
+        pairs = {**section.parameters, "ELSET": free(f"{NOT_COVERED}_{name}")}
+        words = [f"{key}={value}" if value else key for key, value in pairs.items()]
+        yield from set_lines("ELSET", pairs["ELSET"], self.rest)
+        yield ", ".join([f"*{section.keyword}", *words])
+        for row in section.data:
+            yield ", ".join(word.decode("latin-1") for word in row)
+
+    def comment_out(self, text: DeckText) -> Iterator[str]:
+        """Comment out the section; yields a remark."""
+        if self.section is not None:
+            text.comment_out(self.section.lines, b"**")
+            name = excerpt(self.section.parameters.get("ELSET", ""))
+            whose = f"; layers have its material {self.material}" * self.own
+            yield (
+                f"{self.section} of {name} is commented out for {len(self.members)} "
+                f"element(s) with fibres{whose}"
+            )
+
+
+def _by_shell(members: list[int], kinds: dict[int, str]) -> list[list[int]]:
+    """Conventional and continuum shells, whose layers have relative thickness."""
+    if other := [n for n in members if kinds[n].startswith("M3D")]:
+        raise MeshError(
+            f"element {other[0]} is a membrane {kinds[other[0]]}, which has no layers: "
+            "use shells"
+        )
+    of_kind = [[n for n in members if kinds[n].startswith("SC") == k] for k in (0, 1)]
+    return [some for some in of_kind if some]
 
 
 def _name(parameters: dict[str, str], key: str) -> str:
@@ -458,12 +423,3 @@ def _material(section: Block) -> str:
     if not own:
         raise MeshError("the section has no material: specify the material")
     return own
-
-
-def section_again(section: Block, name: str) -> Iterator[str]:
-    """Section for another set."""
-    pairs = {**section.parameters, "ELSET": name}
-    words = [f"{key}={value}" if value else key for key, value in pairs.items()]
-    yield ", ".join([f"*{section.keyword}", *words])
-    for row in section.data:
-        yield ", ".join(word.decode("latin-1") for word in row)

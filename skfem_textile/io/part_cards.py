@@ -1,9 +1,9 @@
 """Shells of decks of cards: Nastran, LS-DYNA and OpenRadioss, and their layups.
 
 Nastran and LS-DYNA have one material angle in each element, measured from its side from
-the first to the second node about the normal by the order of its nodes: that of the
-warp.  Of a quadratic quadrilateral of Nastran it is measured from the line between the
-middles of the sides 4-1 and 2-3.  In OpenRadioss a ply has an angle of its own
+the first to the second node about the normal by the order of its nodes: the angle
+of the warp.  In a quadratic quadrilateral of Nastran it is measured from the line
+between the middles of the sides 4-1 and 2-3.  In OpenRadioss each ply has an angle
 (``/DRAPE``), measured from a direction projected onto the shell.
 """
 
@@ -26,6 +26,9 @@ from .layups import SEQUENCE, WARP, WEFT, Element, Layup
 from .radioss import COLUMN, Option, options
 
 Written = tuple[list[Path], list[str]]
+
+# Deviation of the weft from 90° that a remark reports.
+_SKEW_DEG = 0.05
 
 
 class CardDeck:
@@ -82,21 +85,17 @@ class CardDeck:
             )
         return x[1] - x[0]
 
-    def _warp_deg(self, elements: Sequence[Element], layup: Layup) -> list[float]:
-        sides = np.array([self._side(element) for element in elements]).T
-        return layup.angles_deg(sides)[0].tolist()
-
-    @staticmethod
-    def _one_angle(layup: Layup, material: str | None) -> list[str]:
-        if material is not None:
-            raise MeshError(
-                "the property of the elements defines the material: omit it"
-            )
+    def _angles(self, layup: Layup) -> tuple[list[float], list[str]]:
+        """Angles of the warp in degrees, and a remark about the weft."""
+        if layup.material is not None:
+            raise MeshError("the properties define the material: omit it")
+        sides = np.array([self._side(element) for element in layup.elements]).T
         skew = layup.skew_deg()
-        return [
-            "elements have one angle, that of the warp; the weft deviates from 90° to "
+        remark = (
+            "elements have one angle, here of the warp; the weft deviates from 90° to "
             f"it by up to {skew:.1f}°"
-        ] * (skew > 0.05)
+        )
+        return layup.angles_deg(sides)[0].tolist(), [remark] * (skew > _SKEW_DEG)
 
 
 # Nastran
@@ -185,18 +184,11 @@ class NastranDeck(CardDeck):
         if card is not None:
             yield card[0], _padded(card[1]), (card[2], end)
 
-    def write(
-        self,
-        folder: Path,
-        elements: Sequence[Element],
-        layup: Layup,
-        material: str | None,
-    ) -> Written:
+    def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy with the angle of the warp and the thickness in its elements."""
-        text, remarks = self.text.unchanged(), self._one_angle(layup, material)
-        angles = self._warp_deg(elements, layup)
-        for i in np.flatnonzero(layup.covered).tolist():
-            element = elements[i]
+        text, (angles, remarks) = self.text.unchanged(), self._angles(layup)
+        for i in layup.indices():
+            element = layup.elements[i]
             words, card = list(self._fields[element.lines]), _CARDS[element.kind]
             words[card.theta], words[card.flag] = real_word(angles[i], _LARGE), ""
             for k in range(card.n_corners):
@@ -204,7 +196,7 @@ class NastranDeck(CardDeck):
             first, end = element.lines
             text.comment_out(list(range(first, end)), b"$")
             text.insert(first, _large_card(element.kind, words))
-        return text.write(folder), remarks
+        return text.write(folder, {}), remarks
 
     def _side(self, element: Element) -> ndarray:
         if element.kind != "CQUAD8":
@@ -262,14 +254,33 @@ _OPTIONS = {"THICKNESS", "BETA", "MCID", "OFFSET", "DOF"}
 _N_NODES = 8
 
 
+class _ShellCard(NamedTuple):
+    """Line of the keyword of a shell, its text and options, and further cards."""
+
+    head: int
+    line: str
+    options: set[str]
+    more: list[int]
+    width: int
+
+    def with_angle(self) -> str:
+        """Keyword with an angle, and as before with thickness and offsets."""
+        kept = {"BETA", *self.options}
+        options = [x for x in ("THICKNESS", "BETA", "OFFSET", "DOF") if x in kept]
+        keyword = "_".join(["*ELEMENT_SHELL", *options])
+        return " ".join([keyword, *self.line.split()[1:]])
+
+    def of_thickness(self) -> list[int]:
+        """Lines of thickness and angle."""
+        return self.more[: len(self.more) - len(self.options & {"OFFSET", "DOF"})]
+
+
 class DynaDeck(CardDeck):
     """Nodes and shells of an LS-DYNA deck."""
 
     def __init__(self, path: Path) -> None:
         self._format, self._invariant = "-", False
-        # By first line of an element: line and text of its keyword, options, its
-        # further lines, and the width of numbers.
-        self._of: dict[int, tuple[int, str, set[str], list[int], int]] = {}
+        self._cards: dict[int, _ShellCard] = {}  # by first line
         super().__init__(path)
 
     @staticmethod
@@ -323,60 +334,49 @@ class DynaDeck(CardDeck):
         given = set(keyword.removeprefix("ELEMENT_SHELL").split("_")[1:])
         if given - _OPTIONS:
             raise MeshError("this option is not supported: use *ELEMENT_SHELL")
-        width, k = _WIDTHS[mark][0], 0
+        (width, real), k = _WIDTHS[mark], 0
         while k < len(own):
-            number, owner, *nodes = map(
-                _integer, _words(lines[own[k]], [width] * (2 + _N_NODES))
-            )
-            extra = bool(given & {"THICKNESS", "BETA", "MCID"})
-            extra += extra * any(nodes[4:])
-            extra += ("OFFSET" in given) + ("DOF" in given)
-            if k + extra >= len(own):
-                raise MeshError(f"the element {number} is incomplete")
+            words = _words(lines[own[k]], [width] * (2 + _N_NODES))
+            number, owner, *nodes = map(_integer, words)
             n = 3 if nodes[3] in (0, nodes[2]) else 4
-            corners = (*nodes[:n], *nodes[4:])
-            at = own[k], own[k + extra] + 1
-            kind = keyword.removeprefix("ELEMENT_")
+            thick = int(bool(given & {"THICKNESS", "BETA", "MCID"}))
+            more = thick * (1 + any(nodes[4:])) + len(given & {"OFFSET", "DOF"})
+            end = k + 1 + more
+            if end > len(own):
+                raise MeshError(f"the element {number} is incomplete")
+            kind, at = keyword.removeprefix("ELEMENT_"), (own[k], own[end - 1] + 1)
+            corners = *nodes[:n], *nodes[4:]
             one = Element(number, kind, corners, n, "", f"part {owner}", at)
             self.elements.append(one)
-            more = own[k + 1 : k + 1 + extra]
-            self._of[own[k]] = head, lines[head], given, more, _WIDTHS[mark][1]
-            k += 1 + extra
+            card = _ShellCard(head, lines[head], given, own[k + 1 : end], real)
+            self._cards[own[k]] = card
+            k = end
 
-    def write(
-        self,
-        folder: Path,
-        elements: Sequence[Element],
-        layup: Layup,
-        material: str | None,
-    ) -> Written:
+    def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy whose shells have the angle of the warp and the thickness."""
-        text, remarks = self.text.unchanged(), self._one_angle(layup, material)
-        angles = self._warp_deg(elements, layup)
+        text, (angles, remarks) = self.text.unchanged(), self._angles(layup)
         current: dict[int, str] = {}
-        order = sorted(range(len(elements)), key=lambda i: elements[i].lines)
-        for i in order:
-            first = elements[i].lines[0]
-            head, line, given, more, width = self._of[first]
-            wanted = line
-            if layup.covered[i]:
-                marks = line.split()[1:]
-                options = ["BETA", *(x for x in ("OFFSET", "DOF") if x in given)]
-                options[:0] = ["THICKNESS"] * ("THICKNESS" in given)
-                wanted = " ".join(["_".join(["*ELEMENT_SHELL", *options]), *marks])
-                n_thick = len(more) - ("OFFSET" in given) - ("DOF" in given)
-                for at in more[:n_thick]:
+        covered = layup.covered.tolist()
+        for i in sorted(range(len(covered)), key=lambda i: layup.elements[i].lines):
+            element = layup.elements[i]
+            first, wanted = element.lines[0], self._cards[element.lines[0]].line
+            card = self._cards[first]
+            if covered[i]:
+                wanted = card.with_angle()
+                for at in card.of_thickness():
                     text.replace(at, [])
-                t = real_word(layup.thickness[i], width - 1).rjust(width)
-                beta = real_word(angles[i], width - 1).rjust(width)
-                cards = [4 * t + beta, *[4 * t] * any(elements[i].nodes[-4:])]
-                text.replace(first, [self.text.lines[first], *map(str.encode, cards)])
-            if head not in current and wanted != line:
-                text.replace(head, [wanted.encode("latin-1")])
-            elif current.get(head, wanted) != wanted:
+                thick, beta = (
+                    real_word(x, card.width - 1).rjust(card.width)
+                    for x in (layup.thickness[i], angles[i])
+                )
+                cards = [4 * thick + beta, *[4 * thick] * any(element.nodes[-4:])]
+                text.replace(first, [text.lines[first], *map(str.encode, cards)])
+            if card.head not in current and wanted != card.line:
+                text.replace(card.head, [wanted.encode("latin-1")])
+            elif current.get(card.head, wanted) != wanted:
                 text.insert(first, [wanted.encode("latin-1")])
-            current[head] = wanted
-        return text.write(folder), remarks
+            current[card.head] = wanted
+        return text.write(folder, {}), remarks
 
     def _side(self, element: Element) -> ndarray:
         if not self._invariant:
@@ -403,7 +403,7 @@ def _words(line: str, widths: list[int]) -> list[str]:
 
 # OpenRadioss
 
-# Properties whose third line has the thickness in its second pair of columns.
+# Properties with the thickness in the second pair of columns of their third line.
 _WITH_THICKNESS = ("SHELL", "TYPE1", "SH_ORTH", "TYPE9", "SH_COMP", "TYPE10")
 
 # Directions whose projection onto shells angles may be measured from, x first.
@@ -414,6 +414,9 @@ _AXES = sorted(_AXES, key=lambda v: (sum(map(abs, v)), [-x for x in v]))
 _STEEP = 0.1
 
 _IN_GROUP = 10
+
+# Integration points of a layer, and `def_orth` of angles from a projected direction.
+_POINTS, _PROJECTED = 3, 2
 
 
 class RadiossDeck(CardDeck):
@@ -441,97 +444,51 @@ class RadiossDeck(CardDeck):
                     part = _integer(option.name[1]) if option.name[1:] else 0
                     for i, card in cards:
                         words = _words(card, [COLUMN] * (1 + n))
-                        number, *nodes = map(_integer, words)
+                        label, *nodes = map(_integer, words)
                         own = tuple(nodes), n, "", f"part {part}", (i, i + 1)
-                        self.elements.append(Element(number, keyword, *own))
+                        self.elements.append(Element(label, keyword, *own))
                 elif keyword == "TRANSFORM":
                     raise MeshError("nodes are moved: export them in place")
                 elif keyword in ("BRICK", "TETRA4", "BEAM", "TRUSS", "SPRING", "QUAD"):
                     self.left[keyword] += len(cards)
 
-    def write(
-        self,
-        folder: Path,
-        elements: Sequence[Element],
-        layup: Layup,
-        material: str | None,
-    ) -> Written:
+    def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy with a file of plies, whose angles are in ``/DRAPE``."""
-        text, remarks = self.text.unchanged(), list[str]()
+        text, remarks, numbers = self.text.unchanged(), list[str](), self._numbers()
         name = f"{self.text.files[0].path.stem}_fibres.inc"
-        lines = self._include_lines(text, elements, layup, material, remarks)
-        if name in [file.path.name for file in self.text.files]:
-            raise MeshError(
-                f"the deck includes {name} already: take the deck without it"
-            )
         ends = [o.lines[0] for o in self._options if o.name[0].upper() == "END"]
         text.insert(ends[0] if ends else None, [f"#include {name}".encode()])
-        written = text.write(folder)
-        written.append(folder / name)
-        written[-1].write_text("\n".join([*lines, ""]), encoding="latin-1")
-        return written, remarks
-
-    def _include_lines(
-        self,
-        text: DeckText,
-        elements: Sequence[Element],
-        layup: Layup,
-        material: str | None,
-        remarks: list[str],
-    ) -> list[str]:
-        """Plies of the covered elements; their properties are commented out."""
-        parts, numbers = self._parts(), self._numbers()
-        covered = layup.covered.tolist()
-        of = [self._part_of(element, parts) for element in elements]
-        properties = {one[0] for one, known in zip(of, covered, strict=True) if known}
-        groups: dict[tuple[str, float], list[int]] = {}
-        for i, (own, known) in enumerate(zip(of, covered, strict=True)):
-            if own[0] in properties:
-                thick = np.nan if known else self._thickness(own[0])
-                mat = material if known and material else own[1]
-                groups.setdefault((mat, -1.0 if known else thick), []).append(i)
-        axis, lines = _axis(layup), ["# plies of a woven ply, by skfem_textile; mm"]
-        warp, weft = layup.angles_deg(np.tile(axis[:, None], len(elements)))
-        angles, plies, first = {WARP: warp, WEFT: weft}, list[int](), ""
-        for (mat, thick), members in groups.items():
-            title = "NOT_COVERED" if thick >= 0 else "FIBRES"
-            shells = []
-            for kind, group in (("SHELL", "GRSHEL/SHEL"), ("SH3N", "GRSH3N/SH3N")):
-                own = [elements[i].number for i in members if elements[i].kind == kind]
-                shells.append(next(numbers) if own else 0)
-                if own:
-                    lines += [f"/{group}/{shells[-1]}", title, *_ten_in_a_line(own)]
-            drapes = {}
-            for family in (WARP, WEFT) if thick < 0 else ():
-                drapes[family] = next(numbers)
-                lines += [f"/DRAPE/{drapes[family]}", family]
-                for i in members:
-                    thinning = layup.thickness[i] / layup.rest
-                    lines.append(
-                        f"{elements[i].kind:<10}{elements[i].number:>10}"
-                        f"{_word20(thinning)}{_word20(angles[family][i])}"
-                    )
-            for family in SEQUENCE if thick < 0 else ("NOT_COVERED",):
-                t = layup.rest / len(SEQUENCE) if thick < 0 else thick
-                plies.append(next(numbers))
-                lines += [
-                    f"/PLY/{plies[-1]}",
-                    family,
-                    f"{mat:>10}{_word20(t)}{0:>20}{shells[0]:>10}{shells[1]:>10}{3:>10}",
-                    f"{drapes.get(family, 0):>10}{2:>10}",
-                ]
-        for number in sorted(properties):
+        groups, properties = self._groups(layup)
+        axis = _axis(layup)
+        angles = layup.angles_deg(np.tile(axis[:, None], len(layup.elements)))
+        lines, plies = ["# plies of a woven ply, by skfem_textile; mm"], list[int]()
+        for group in groups:
+            plies += _write_plies(group, layup, angles, numbers, lines)
+        for number in properties:
             option = self._property(number)
-            first = first or _first_card(option)[:40]
             text.comment_out(option.lines, b"#")
-            name = "/".join(option.name[:3])
-            remarks.append(f"/{excerpt(name)} is commented out for the plies")
+            remarks.append(f"{_named(option)} is commented out for the plies")
             lines += [f"/PROP/PCOMPP/{number}", "FIBRES"]
-        lines += [f"/STACK/{next(numbers)}", "FIBRES", first, "", ""]
-        lines.append("".join(map(_word20, axis.tolist())) + f"{0:>10}" * 3)
+        shell = _first_card(self._property(properties[0]))[: 4 * COLUMN]
+        lines += [f"/STACK/{next(numbers)}", "FIBRES", shell, "", ""]
+        lines.append("".join(map(_word20, axis.tolist())) + 3 * f"{0:>10}")
         for ply in plies:
             lines += [f"{ply:>10}{0:>20}{0:>20}", ""]
-        return lines
+        return text.write(folder, {name: lines}), remarks
+
+    def _groups(self, layup: Layup) -> tuple[list["_Group"], list[str]]:
+        """Elements with the same layers, and the properties with fibres."""
+        parts, covered = self._parts(), layup.covered.tolist()
+        of = [self._part_of(element, parts) for element in layup.elements]
+        properties = sorted({of[i][0] for i in layup.indices()})
+        found: dict[tuple[str, float], list[int]] = {}
+        for i, (number, own) in enumerate(of):
+            if covered[i]:
+                found.setdefault((layup.material or own, 0.0), []).append(i)
+            elif number in properties:
+                found.setdefault((own, self._thickness(number)), []).append(i)
+        groups = [_Group(own, thick, at) for (own, thick), at in found.items()]
+        return groups, properties
 
     def _numbers(self) -> Iterator[int]:
         """Numbers that no keyword uses."""
@@ -549,12 +506,13 @@ class RadiossDeck(CardDeck):
     def _part_of(
         element: Element, parts: dict[str, tuple[str, str]]
     ) -> tuple[str, str]:
-        if not all(parts.get(element.owner, ())) or element.owner not in parts:
+        known = parts.get(element.owner, ("", ""))
+        if not all(known):
             raise MeshError(
                 f"the {element.owner} of element {element.number} has no property and "
                 "material: define /PART"
             )
-        return parts[element.owner]
+        return known
 
     def _property(self, number: str) -> Option:
         for option in self._options:
@@ -565,14 +523,13 @@ class RadiossDeck(CardDeck):
     def _thickness(self, number: str) -> float:
         """Thickness of a property that elements without the ply keep."""
         option = self._property(number)
-        name = "/" + excerpt("/".join(option.name[:3]))
         cards = [x for _, x in _cards_of(option)][1:]
         known = option.name[1].upper() in _WITH_THICKNESS and len(cards) > 2
         t = _real(_words(cards[2], [2 * COLUMN] * 2)[1]) if known else 0.0
         if not t > 0:
             raise MeshError(
-                f"{name} has elements without fibres, but no thickness that can be "
-                "read: give them a part of their own"
+                f"{_named(option)} has elements without fibres, but no thickness that "
+                "can be read: give them another part"
             )
         return t
 
@@ -585,6 +542,54 @@ def _cards_of(option: Option) -> list[tuple[int, str]]:
 def _first_card(option: Option) -> str:
     """First card after the title."""
     return [*option.cards, "", ""][1]
+
+
+def _named(option: Option) -> str:
+    return "/" + excerpt("/".join(option.name[:3]))
+
+
+class _Group(NamedTuple):
+    """Elements with the same layers: their material and thickness, 0 for fibres."""
+
+    material: str
+    thickness: float
+    members: list[int]
+
+
+def _write_plies(
+    group: _Group,
+    layup: Layup,
+    angles: tuple[ndarray, ndarray],
+    numbers: Iterator[int],
+    lines: list[str],
+) -> list[int]:
+    """Append the plies of a group to lines; returns their numbers."""
+    own, plies = [layup.elements[i] for i in group.members], []
+    title = "NOT_COVERED" if group.thickness else "FIBRES"
+    at, drapes = "", dict.fromkeys([title], 0)
+    for kind, keyword in (("SHELL", "GRSHEL/SHEL"), ("SH3N", "GRSH3N/SH3N")):
+        some = [element.number for element in own if element.kind == kind]
+        number = next(numbers) if some else 0
+        at += f"{number:>10}"
+        if some:
+            lines += [f"/{keyword}/{number}", title, *_ten_in_a_line(some)]
+    layers: Sequence[str] = [title]
+    thick = group.thickness or layup.rest / len(SEQUENCE)
+    if not group.thickness:
+        layers = SEQUENCE
+        for family, theta in zip((WARP, WEFT), angles, strict=True):
+            drapes[family] = next(numbers)
+            lines += [f"/DRAPE/{drapes[family]}", family]
+            for i, x in zip(group.members, own, strict=True):
+                both = layup.thickness[i] / layup.rest, theta[i]
+                words = "".join(map(_word20, both))
+                lines.append(f"{x.kind:<10}{x.number:>10}{words}")
+    for family in layers:
+        plies.append(next(numbers))
+        card = f"{group.material:>10}{_word20(thick)}{0:>20}{at}{_POINTS:>10}"
+        more = f"{drapes[family]:>10}{_PROJECTED:>10}"
+        lines += [f"/PLY/{plies[-1]}", family, card, more]
+    return plies
 
 
 def _axis(layup: Layup) -> ndarray:

@@ -5,7 +5,7 @@ The copy of a deck keeps labels, types of elements, sets and include files.
 
 import logging
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +33,6 @@ _FORMATS: dict[tuple[str, ...], Any] = {
     (".rad",): RadiossDeck,
 }
 _READERS = {name: form for names, form in _FORMATS.items() for name in names}
-
-#: Suffixes of the decks that `read_part_deck` reads.
-SUFFIXES = tuple(_READERS)
 
 # Numbers of elements that a message lists.
 _LISTED = 5
@@ -101,27 +98,18 @@ def read_part_deck(path: str | os.PathLike[str]) -> PartDeck:
         if not form.elements:
             raise MeshError("the deck contains no shells or membranes")
         elements = _in_order(form.elements)
-        mesh = _mesh(elements, form.positions)
-        at = {(x.scope, x.number): i for i, x in enumerate(elements)}
-        if len(at) < len(elements):
-            raise MeshError(f"{_repeated(elements)}: use unique numbers")
-        sets = {
-            name: np.unique([at[x] for x in members if x in at]).astype(int)
-            for name, members in form.sets.items()
-        }
+        mesh, at = _mesh(elements, form.positions), _positions(elements)
     if form.left:
         listed = ", ".join(f"{n} {printable(kind)}" for kind, n in form.left.items())
         log.warning("%s: not shells, left as they are: %s", printable(path), listed)
-    return PartDeck(
-        path,
-        mesh,
-        np.array([x.number for x in elements]),
-        tuple(x.kind for x in elements),
-        tuple(x.scope for x in elements),
-        {name: members for name, members in sets.items() if members.size},
-        form,
-        elements,
-    )
+    sets = {
+        name: np.unique([at[x] for x in members if x in at]).astype(int)
+        for name, members in form.sets.items()
+    }
+    labels = np.array([x.number for x in elements])
+    columns = (tuple(x.kind for x in elements), tuple(x.scope for x in elements))
+    known = {name: members for name, members in sets.items() if members.size}
+    return PartDeck(path, mesh, labels, *columns, known, form, elements)
 
 
 def _in_order(elements: list[Element]) -> tuple[Element, ...]:
@@ -133,13 +121,15 @@ def _in_order(elements: list[Element]) -> tuple[Element, ...]:
     return tuple(sorted(elements, key=lambda x: len(x.corners) != first))
 
 
-def _repeated(elements: tuple[Element, ...]) -> str:
-    seen = set()
-    for x in elements:
-        if (x.scope, x.number) in seen:
-            break
-        seen.add((x.scope, x.number))
-    return f"element number {x.number} is used twice"
+def _positions(elements: tuple[Element, ...]) -> dict[tuple[str, int], int]:
+    """Positions of elements by instance and number."""
+    at: dict[tuple[str, int], int] = {}
+    for i, x in enumerate(elements):
+        if at.setdefault((x.scope, x.number), i) != i:
+            raise MeshError(
+                f"element number {x.number} is used twice: use unique numbers"
+            )
+    return at
 
 
 def _mesh(
@@ -195,7 +185,7 @@ def write_part_deck(
     Parameters
     ----------
     folder
-        Another folder than that of the deck.
+        A folder that does not contain the deck.
     deck
         The deck.
     fibres
@@ -208,7 +198,7 @@ def write_part_deck(
         Name of the material of a layer in Abaqus, or its number in OpenRadioss; by
         default the material of the section.
     calculix
-        Whether an Abaqus deck without parts is written for CalculiX too, as
+        If true, an Abaqus deck without parts is written for CalculiX too, as
         ``NAME_ccx.inp`` in one file: with S8R and S6, and a section for each class of
         0.1°.
 
@@ -227,14 +217,12 @@ def write_part_deck(
         If a file cannot be written.
     """
     folder, path = Path(folder), deck.path
-    layup = _layup(folder, deck, fibres, thickness)
+    layup = _layup(folder, deck, fibres, thickness, material)
     with errors_about(path):
         if calculix and not isinstance(deck._form, AbaqusDeck):
             raise MeshError("CalculiX requires an .inp file")
-        arguments = deck._elements, layup, material
-        variant = calculix_deck(deck._form, *arguments) if calculix else None
-        folder.mkdir(parents=True, exist_ok=True)
-        written, remarks = deck._form.write(folder, *arguments)
+        variant = calculix_deck(deck._form, layup) if calculix else None
+        written, remarks = deck._form.write(folder, layup)
     if variant is not None:
         written.append(folder / f"{path.stem}_ccx.inp")
         written[-1].write_bytes(variant[0])
@@ -252,15 +240,18 @@ def write_part_deck(
 
 
 def _layup(
-    folder: Path, deck: PartDeck, fibres: FibresInSpace, thickness: float | ndarray
+    folder: Path,
+    deck: PartDeck,
+    fibres: FibresInSpace,
+    thickness: float | ndarray,
+    material: str | None,
 ) -> Layup:
-    n = deck.mesh.n_elements
+    n, t = deck.mesh.n_elements, np.asarray(thickness, dtype=float)
     if fibres.covered.shape != (n,):
         raise ValueError(
             f"fibres must be in the {n} elements of the deck, not in "
             f"{fibres.covered.size}"
         )
-    t = np.asarray(thickness, dtype=float)
     used = t[fibres.covered] if t.shape == (n,) else t
     if t.shape not in ((), (n,)) or not (np.isfinite(used) & (used > 0)).all():
         raise ValueError(f"thickness must be positive, a number or of shape ({n},)")
@@ -271,4 +262,5 @@ def _layup(
             f"{printable(folder)}: the folder of the deck is not overwritten: specify "
             "another one"
         )
-    return Layup.of(deck.mesh, fibres, t if t.ndim else float(t))
+    on_deck = replace(fibres, mesh=deck.mesh)
+    return Layup.of(deck._elements, on_deck, t, material)

@@ -219,7 +219,7 @@ def of_rad(made, path):
 READERS = {"inp": of_inp, "bdf": of_bdf, "k": of_k, "rad": of_rad}
 
 
-# What may be added to a copy, and what marks lines that are commented out
+# Lines that may be added to a copy, and marks of lines that are commented out
 ADDED = {"inp": r"\*INCLUDE, INPUT=part_fibres", "rad": "#include part_0000_fibres"}
 ADDED |= {"bdf": r"C(QUAD|TRIA)\d\*|\* ", "k": r"[\d., -]+$|\*ELEMENT_SHELL"}
 MARKS = {"inp": "**", "rad": "#", "bdf": "$", "k": "**"}
@@ -376,7 +376,7 @@ def test_elements_without_fibres_keep_their_section(tmp_path, caplog):
     assert section.endswith("ELSET=FIBRES, ORIENTATION=FIBRE, OFFSET=SPOS")
     assert caplog.messages == [
         f"{path}: *SHELL SECTION of Skin is commented out for 1 element(s) with "
-        "fibres; its material CFRP is that of the layers",
+        "fibres; layers have its material CFRP",
         f"{path}: the ply does not cover element(s) 11",
     ]
 
@@ -427,7 +427,7 @@ def test_continuum_shells_are_read_by_their_middle_and_degenerate_ones_as_triang
     np.testing.assert_allclose(read.mesh.centres()[2], [1.0, 0.0])
     files = write_part_deck(tmp_path / "out", read, straight(read.mesh), 0.4, "M")
     layers = [x for x in files[1].read_text().splitlines() if x.endswith(", WARP_1")]
-    assert layers == ["1., 3, M, 0., WARP_1", "FIBRE_LAYER, 3, M, 0., WARP_1"]
+    assert layers == ["FIBRE_LAYER, 3, M, 0., WARP_1", "1., 3, M, 0., WARP_1"]
 
 
 def test_files_outside_of_the_folder_are_copied_next_to_the_deck(tmp_path):
@@ -528,7 +528,7 @@ def test_arguments_that_do_not_fit_are_refused(tmp_path):
     cards = written_deck(tmp_path, *TRIANGLE, "CTRIA3,9,1,1,2,3", name="a.bdf")
     read = read_part_deck(cards)
     for message, given in (
-        ("the elements defines the material: omit it", {"material": "M"}),
+        ("the properties define the material: omit it", {"material": "M"}),
         ("CalculiX requires an .inp file", {"calculix": True}),
     ):
         with pytest.raises(MeshError, match=message):
