@@ -14,13 +14,10 @@ _LINE = re.compile(rb"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
 
 
 class Include(NamedTuple):
-    """Name of an included file, and the number of lines that include it.
+    """Names of included files by the line after the first, and the number of lines."""
 
-    The name is the last of these lines, or a part of it.
-    """
-
-    name: bytes
-    n_lines: int
+    names: dict[int, bytes]
+    n_lines: int = 1
 
 
 #: Finds the include that begins at a line of a file: the lines and the number of one.
@@ -96,20 +93,24 @@ class DeckText:
             for one in range(line, line + (found.n_lines if found else 1)):
                 self.lines.append(comment if found else bare[one])
                 self._at.append((file, one))
+            for after, name in found.names.items() if found else ():
+                child = self._read(
+                    self._found(path, name), include, comment, (*within, path)
+                )
+                file.includes[line + after] = child, name
             line += found.n_lines if found else 1
-            if found:
-                name = _path(found.name)
-                inner = (self.files[0].path.parent if within else path.parent) / name
-                if not inner.is_file() and (path.parent / name).is_file():
-                    inner = path.parent / name
-                if not inner.is_file():
-                    raise MeshError(
-                        f"the file {excerpt(name)!r}, which "
-                        f"{printable(path.name)} includes, does not exist"
-                    )
-                child = self._read(inner, include, comment, (*within, path))
-                file.includes[line - 1] = child, found.name
         return file
+
+    def _found(self, path: Path, given: bytes) -> Path:
+        """Included file, relative to the deck or to the file that includes it."""
+        name = _path(given)
+        for folder in (self.files[0].path.parent, path.parent):
+            if (folder / name).is_file():
+                return folder / name
+        raise MeshError(
+            f"the file {excerpt(name)!r}, which {printable(path.name)} includes, does "
+            "not exist"
+        )
 
     def unchanged(self) -> "DeckText":
         """The same lines without changes."""

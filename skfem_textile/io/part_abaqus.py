@@ -60,6 +60,9 @@ class _Instance(NamedTuple):
     turn: ndarray
     shift: ndarray
 
+    def is_moved(self) -> bool:
+        return bool(self.shift.any()) or not np.array_equal(self.turn, np.eye(3))
+
 
 @dataclass
 class _Part:
@@ -74,7 +77,7 @@ class _Part:
 
 def _include(lines: list[bytes], line: int) -> Include | None:
     found = re.match(rb"\s*\*include\s*,\s*input\s*=\s*\"?([^\",]+)", lines[line], re.I)
-    return Include(found[1], 1) if found else None
+    return Include({0: found[1]}) if found else None
 
 
 class AbaqusDeck:
@@ -123,7 +126,7 @@ class AbaqusDeck:
     def _read(self) -> None:
         flat = scope = self.flat
         flat.instances.append(_Instance("", np.eye(3), np.zeros(3)))
-        in_assembly = instance = False
+        in_assembly = False
         for block in self.blocks:
             keyword, parameters, data, lines = block
             self._names.add(parameters.get("NAME", "").upper())
@@ -136,29 +139,42 @@ class AbaqusDeck:
                 elif keyword == "END PART":
                     scope.end, scope = lines[0], flat
                 elif keyword in ("ASSEMBLY", "END ASSEMBLY"):
-                    in_assembly = keyword == "ASSEMBLY"
+                    scope, in_assembly = flat, keyword == "ASSEMBLY"
                 elif keyword == "INSTANCE":
-                    name = _name(parameters, "PART")
-                    if name not in self._parts:
-                        raise MeshError(f"the part {excerpt(name)!r} is not defined")
-                    place = _Instance(_name(parameters, "NAME"), *motion(data))
-                    self._parts[name].instances.append(place)
-                    instance = True
+                    scope, in_assembly = self._instance(parameters, data), False
                 elif keyword == "END INSTANCE":
-                    instance = False
-                elif instance and keyword in (*_OF_MESH, *_SECTIONS):
-                    raise MeshError("within *INSTANCE: define it in *PART")
+                    scope.end, in_assembly = scope.end or lines[0], True
                 elif in_assembly and keyword in ("NSET", "ELSET"):
                     self._own += [block] * (keyword == "ELSET")
                 elif in_assembly and keyword == "ELEMENT":
                     self.left[f"{type_of(block)} of the assembly"] += len(data)
-                elif keyword in _SECTIONS:
-                    scope.sections.append(block)
                 elif not in_assembly:
                     self._read_mesh(scope, block)
 
+    def _instance(self, parameters: dict[str, str], data: list[list[bytes]]) -> _Part:
+        """Add an instance; returns its part, or a new one if that has no nodes.
+
+        A mesh made in the assembly is in the instance, and its part is empty.
+        """
+        part, name = _name(parameters, "PART"), _name(parameters, "NAME")
+        if part not in self._parts:
+            raise MeshError(f"the part {excerpt(part)!r} is not defined")
+        known = self._parts[part]
+        if known.deck.tags is None:
+            known = self._part(f"{part}.{name}")
+        known.instances.append(_Instance(name, *motion(data)))
+        return known
+
     def _read_mesh(self, part: _Part, block: Block) -> None:
-        if block.keyword == "ELEMENT" and type_of(block) not in _SHELLS:
+        of_mesh = block.keyword in (*_OF_MESH, *_SECTIONS)
+        if of_mesh and part is not self.flat and part.end is not None:
+            raise MeshError("within *INSTANCE: define it in *PART")
+        for instance in part.instances:
+            if block.keyword == "NODE" and instance.is_moved():
+                raise MeshError("within a moved *INSTANCE: define it in *PART")
+        if block.keyword in _SECTIONS:
+            part.sections.append(block)
+        elif block.keyword == "ELEMENT" and type_of(block) not in _SHELLS:
             numbers = list(first_words(block.data))
             self.left[type_of(block)] += len(numbers)
             name = block.parameters.get("ELSET")

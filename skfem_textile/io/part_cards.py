@@ -138,7 +138,7 @@ class NastranDeck(CardDeck):
     @staticmethod
     def _include(lines: list[bytes], line: int) -> Include | None:
         found = re.match(rb"\s*include\s*[=\s]?\s*['\"]?([^'\"]+)", lines[line], re.I)
-        return Include(found[1].rstrip(), 1) if found else None
+        return Include({0: found[1].rstrip()}) if found else None
 
     def _read(self) -> None:
         for name, fields, lines in self._cards():
@@ -292,12 +292,14 @@ class DynaDeck(CardDeck):
             raise MeshError(
                 f"{excerpt(lines[line])} is not supported: use *INCLUDE alone"
             )
-        n = 1
-        while line + n < len(lines) and lines[line + n].startswith(b"$"):
+        names, n = {}, 1
+        while line + n < len(lines) and not lines[line + n].startswith(b"*"):
+            if lines[line + n].strip() and not lines[line + n].startswith(b"$"):
+                names[n] = lines[line + n].strip()
             n += 1
-        if line + n == len(lines):
+        if not names:
             raise MeshError("*INCLUDE: the name of the file is missing")
-        return Include(lines[line + n].strip(), n + 1)
+        return Include(names, n)
 
     def _read(self) -> None:
         lines = [line.decode("latin-1") for line in self.text.lines]
@@ -427,7 +429,7 @@ class RadiossDeck(CardDeck):
     @staticmethod
     def _include(lines: list[bytes], line: int) -> Include | None:
         found = re.match(rb"#include\s+(\S.*)", lines[line])
-        return Include(found[1].rstrip(), 1) if found else None
+        return Include({0: found[1].rstrip()}) if found else None
 
     def _read(self) -> None:
         self._options = options(self.text.content)

@@ -155,12 +155,12 @@ def _abaqus(folder, rng, refused):
             ]
         else:
             place = []
-        lines += [f"*Part, name={one.name}", *body[0], *body[1], "*End Part"]
-        own += [
-            f"*Instance, name={one.name}-1, part={one.name}",
-            *place,
-            "*End Instance",
-        ]
+        part, head = f"*Part, name={one.name}", f"*Instance, name={one.name}-1"
+        mesh = [*body[0], *body[1]]
+        within = not place and rng.random() < 0.4  # a mesh made in the assembly
+        lines += [part, *(() if within else mesh), "*End Part"]
+        own += [f"{head}, part={one.name}", *place, *(mesh if within else ())]
+        own.append("*End Instance")
     materials = [
         x
         for m in ("CFRP", "GFRP")

@@ -86,8 +86,8 @@ def of_inp(made, path):
     for item in inp_blocks(path):
         if isinstance(item, tuple):
             keyword, given = item
-            if keyword == "PART":
-                part = given["NAME"].upper()
+            if keyword in ("PART", "INSTANCE"):
+                part = given.get("PART", given["NAME"]).upper()
             name = given.get("ELSET", given.get("NAME", "")).upper()
             data = []
             if keyword == "DISTRIBUTION":
