@@ -13,7 +13,7 @@ from numpy import ndarray
 from ..mesh.checks import MeshError
 from .abaqus import Block, node_lines, set_lines
 from .file_numbers import real_word
-from .layups import SEQUENCE, WARP, Element, Layup
+from .layups import LAYERS, WARP, Element, Layup
 from .part_abaqus import AbaqusDeck, Group, first_words, type_of
 
 # Width of classes of directions in degrees, and of classes of relative thickness.
@@ -63,7 +63,9 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
         kind = elements[other[0]].kind
         raise MeshError(f"element {other[0]} is a {kind}: use S3 to S8R")
     nodes = _MidNodes({n: x for (_, n), x in deck.positions.items()})
-    text, remarks, lines = deck.text.unchanged(), list[str](), list[str]()
+    text, lines = deck.text.unchanged(), list[str]()
+    beams = ", ".join(kind for kind in deck.left if kind.startswith("B"))
+    remarks = [f"CalculiX may fail on layers together with {beams}"] * bool(beams)
     for block in deck.blocks:
         if block.keyword == "BOUNDARY" and any(x[0].isdigit() for x in block.data):
             remarks.append(
@@ -157,7 +159,7 @@ def _classes(
             yield f"*ORIENTATION, NAME={name}{family}, SYSTEM=RECTANGULAR"
             yield ", ".join(map(real_word, [*a, *np.cross(normal, a)]))
         yield f"*SHELL SECTION, COMPOSITE, ELSET={name}"
-        layer = float(thick[own].mean()) / len(SEQUENCE)
-        for family in SEQUENCE:
+        mean = float(thick[own].mean())
+        for family, share in LAYERS:
             axes = f"{name}{'P' if family == WARP else 'F'}"
-            yield f"{real_word(layer)}, , {group.material}, {axes}"
+            yield f"{real_word(mean * share)}, , {group.material}, {axes}"

@@ -1,10 +1,11 @@
 """Plies on the shells of a structural part: layers, thickness and angles of fibres.
 
-A woven ply is two families of unidirectional layers, of half its thickness each.  In
-two layers, one on the other, stretching would bend the ply.  The order of `SEQUENCE`
-(Thue and Morse) has the same zeroth, first and second moment through the thickness for
-both families: stretching does not bend the ply, and with the thickness t its bending
-stiffness is t²/12 times its stretching stiffness, as of a homogeneous sheet.
+A woven ply is two families of unidirectional fibres, each with half its thickness.  In
+two layers, one on the other, stretching would bend the ply.  The four `LAYERS` lie
+between ±t/2 and the extrema ±t/√8 and 0 of a Chebyshev polynomial, where families
+alternate.  Both have the same zeroth, first and second moment through the thickness t:
+stretching does not bend the ply, and its bending stiffness is t²/12 times its
+stretching stiffness, as of a homogeneous sheet.  With fewer layers this is impossible.
 """
 
 from collections.abc import Sequence
@@ -19,8 +20,12 @@ from ..surfaces.tool_mesh import unit
 
 WARP, WEFT = "WARP", "WEFT"
 
-#: Families of the layers of a ply, from the side opposite to the normal.
-SEQUENCE = (WARP, WEFT, WEFT, WARP, WEFT, WARP, WARP, WEFT)
+# Shares of the thickness of outer and inner layers.
+_OUTER, _INNER = 0.5 - 8**-0.5, 8**-0.5
+
+#: Family of each layer, from the side opposite to the normal, and its share of the
+#: thickness of the ply.
+LAYERS = ((WARP, _OUTER), (WEFT, _INNER), (WARP, _INNER), (WEFT, _OUTER))
 
 
 class Element(NamedTuple):

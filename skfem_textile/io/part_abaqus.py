@@ -27,8 +27,8 @@ from .abaqus import (
     set_lines,
 )
 from .deck_text import DeckText, Include
-from .file_numbers import errors_about
-from .layups import SEQUENCE, WARP, Element, Layup
+from .file_numbers import errors_about, real_word
+from .layups import LAYERS, WARP, Element, Layup
 
 # Types by number of corners and of nodes.  Continuum shells have two faces.
 _TYPES = {
@@ -302,14 +302,16 @@ class AbaqusDeck:
             np.einsum("nij,in->jn", turns, v[:, index])
             for v in (layup.warp, layup.across())
         )
-        axes, angle, layer = map(self._free, (_AXES, _TURN, _LAYER))
-        layers = 1 / len(SEQUENCE)
+        axes, angle = self._free(_AXES), self._free(_TURN)
         yield "** fibres of a woven ply, by skfem_textile; lengths in mm"
         yield from axes_lines(axes, numbers, a, b)
         weft, thick = layup.turn_of_weft()[None, index], layup.thickness[None, index]
         yield from distribution_lines(angle, "ANGLE", [90.0], numbers, weft)
-        rest = [layup.rest * layers]
-        yield from distribution_lines(layer, "LENGTH", rest, numbers, thick * layers)
+        of_share = {}
+        for share in dict.fromkeys(share for _, share in LAYERS):
+            name, rest = self._free(_LAYER), [layup.rest * share]
+            of_share[share] = name
+            yield from distribution_lines(name, "LENGTH", rest, numbers, thick * share)
         left = sorted(set(kinds) - set(plies))
         yield from set_lines("ELSET", self._free(NOT_COVERED), left)
         for group in self.groups(part, set(plies), layup.material):
@@ -318,11 +320,12 @@ class AbaqusDeck:
                 yield from set_lines("ELSET", name, members)
                 given = [f"ELSET={name}", f"ORIENTATION={axes}", *group.kept()]
                 yield ", ".join(["*SHELL SECTION, COMPOSITE", *given])
-                of_layer = "1." if kind.startswith("SC") else layer
-                for i, family in enumerate(SEQUENCE, 1):
+                for i, (family, share) in enumerate(LAYERS, 1):
+                    words = str(_POINTS), group.material, f"{family}_{i}"
+                    relative = kind.startswith("SC")
+                    own = real_word(share) if relative else of_share[share]
                     turned = "0." if family == WARP else angle
-                    of = group.material, turned, f"{family}_{i}"
-                    yield ", ".join([of_layer, str(_POINTS), *of])
+                    yield ", ".join([own, *words[:2], turned, words[2]])
             yield from group.rest_lines(self._free)
 
     def groups(

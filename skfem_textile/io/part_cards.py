@@ -22,7 +22,7 @@ from ..mesh.user_input import excerpt
 from ..surfaces.tool_mesh import unit
 from .deck_text import DeckText, Include
 from .file_numbers import errors_about, from_words, real_word
-from .layups import SEQUENCE, WARP, WEFT, Element, Layup
+from .layups import LAYERS, WARP, WEFT, Element, Layup
 from .radioss import COLUMN, Option, options
 
 Written = tuple[list[Path], list[str]]
@@ -575,10 +575,9 @@ def _write_plies(
         at += f"{number:>10}"
         if some:
             lines += [f"/{keyword}/{number}", title, *_ten_in_a_line(some)]
-    layers: Sequence[str] = [title]
-    thick = group.thickness or layup.rest / len(SEQUENCE)
+    layers: Sequence[tuple[str, float]] = [(title, 1.0)]
     if not group.thickness:
-        layers = SEQUENCE
+        layers = LAYERS
         for family, theta in zip((WARP, WEFT), angles, strict=True):
             drapes[family] = next(numbers)
             lines += [f"/DRAPE/{drapes[family]}", family]
@@ -586,9 +585,10 @@ def _write_plies(
                 both = layup.thickness[i] / layup.rest, theta[i]
                 words = "".join(map(_word20, both))
                 lines.append(f"{x.kind:<10}{x.number:>10}{words}")
-    for family in layers:
+    for family, share in layers:
         plies.append(next(numbers))
-        card = f"{group.material:>10}{_word20(thick)}{0:>20}{at}{_POINTS:>10}"
+        thick = _word20((group.thickness or layup.rest) * share)
+        card = f"{group.material:>10}{thick}{0:>20}{at}{_POINTS:>10}"
         more = f"{drapes[family]:>10}{_PROJECTED:>10}"
         lines += [f"/PLY/{plies[-1]}", family, card, more]
     return plies

@@ -175,8 +175,8 @@ def write_part_deck(
     """Write a copy of a deck with the fibres of a draped ply, and a VTU file.
 
     In Abaqus and OpenRadioss, only a line that includes a file of layers is added, and
-    sections of the covered elements are commented out.  A ply is eight layers, four
-    along the warp and four along the weft, that bend as a homogeneous sheet.  In
+    sections of the covered elements are commented out.  A ply is four layers, two along
+    the warp and two along the weft, that bend as a homogeneous sheet.  In
     Nastran and LS-DYNA, the cards of the covered elements have the angle of the warp
     and the thickness.  Warnings in the log ``skfem_textile`` list what is commented
     out, and the elements that the ply does not cover: they keep their sections, and

@@ -14,7 +14,7 @@ import pytest
 
 from skfem_textile import MeshError, drape
 from skfem_textile.io import read_part_deck, write_part_deck
-from skfem_textile.io.layups import SEQUENCE
+from skfem_textile.io.layups import LAYERS
 from tests.helpers.part_decks import FORMATS, deck
 
 # Seed of the sample.
@@ -106,11 +106,11 @@ def of_inp(made, path):
         assigned.update((part, n) for n in set(numbers))
         if "COMPOSITE" not in given:
             continue
-        assert [row[4].split("_")[0] for row in layers] == list(SEQUENCE)
+        assert [row[4].split("_")[0] for row in layers] == [x for x, _ in LAYERS]
         axes = scope[part, given["ORIENTATION"]][0][0]
         rows = {
             key: {row[0]: [*map(float, row[1:])] for row in tables[part, key]}
-            for key in (axes, layers[0][0], layers[1][3])
+            for key in (axes, *(row[0] for row in layers), layers[1][3])
         }
         for number in numbers:
             patch = patches[part]
@@ -119,7 +119,9 @@ def of_inp(made, path):
             b = patch.turn @ rows[axes][str(number)][3:]
             np.testing.assert_allclose(np.cross(a, b), normal_of(corners), atol=1e-9)
             angle = rows[layers[1][3]][str(number)][0]
-            thick = rows[layers[0][0]][str(number)][0] * len(layers)
+            shares = np.array([rows[row[0]][str(number)][0] for row in layers])
+            thick = shares.sum()
+            np.testing.assert_allclose(shares / thick, [x for _, x in LAYERS])
             both = turned(corners, a, 0.0), turned(corners, a, angle)
             found[patch.name, number] = *both, thick
     assert set(assigned.values()) == {1}  # each element has one section
@@ -209,7 +211,7 @@ def of_rad(made, path):
             order.setdefault(number, []).append(title)
             families[title][number] = float(row[40:60])
     for number, thick in total.items():
-        assert order[number] == list(SEQUENCE)
+        assert order[number] == [x for x, _ in LAYERS]
         x = made.patches[0].corners(number)
         both = (turned(x, axis, families[k][number]) for k in ("WARP", "WEFT"))
         found["", number] = *both, thick
@@ -323,8 +325,9 @@ def test_pynastran_reads_numbers_angles_and_thickness(tmp_path):
 
 def test_the_layers_of_a_ply_bend_and_stretch_as_a_homogeneous_sheet():
     """Moments through the thickness are the same for both families."""
-    ends = np.linspace(-1, 1, len(SEQUENCE) + 1)
-    sign = np.where(np.array(SEQUENCE) == "WARP", 1.0, -1.0)
+    ends = 2 * np.cumsum([0, *(share for _, share in LAYERS)]) - 1
+    assert ends[-1] == 1
+    sign = np.array([1.0 if family == "WARP" else -1.0 for family, _ in LAYERS])
     moments = [sign @ np.diff(ends**k) for k in (1, 2, 3)]
     np.testing.assert_allclose(moments, 0.0, atol=1e-15)
 
@@ -391,7 +394,7 @@ def test_thickness_of_each_element_may_be_given(tmp_path):
     at = next(
         i for i, x in enumerate(lines) if x.startswith("*DISTRIBUTION, NAME=FIBRE_L")
     )
-    assert lines[at + 2] == "11, 0.1"
+    assert float(lines[at + 2].split(", ")[1]) == pytest.approx(0.8 * LAYERS[0][1])
 
 
 def test_several_instances_with_the_same_fibres_share_a_part(tmp_path):
@@ -426,8 +429,10 @@ def test_continuum_shells_are_read_by_their_middle_and_degenerate_ones_as_triang
     assert [cell.shape for cell in read.mesh.cells] == [(4, 1), (3, 1)]
     np.testing.assert_allclose(read.mesh.centres()[2], [1.0, 0.0])
     files = write_part_deck(tmp_path / "out", read, straight(read.mesh), 0.4, "M")
-    layers = [x for x in files[1].read_text().splitlines() if x.endswith(", WARP_1")]
-    assert layers == ["FIBRE_LAYER, 3, M, 0., WARP_1", "1., 3, M, 0., WARP_1"]
+    rows = [x.split(", ") for x in files[1].read_text().splitlines()]
+    first, second = (row for row in rows if row[-1] == "WARP_1")
+    assert first == ["FIBRE_LAYER", "3", "M", "0.", "WARP_1"]
+    assert float(second[0]) == pytest.approx(LAYERS[0][1])  # relative
 
 
 def test_files_outside_of_the_folder_are_copied_next_to_the_deck(tmp_path):
