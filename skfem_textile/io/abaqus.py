@@ -370,8 +370,9 @@ def motion(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
 
 
 def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
-    """Node numbers and positions."""
+    """Node numbers and positions; a coordinate between commas may be missing."""
     tags = from_words([words[0] for words in data], "i8")
+    data = [words[:-1] if len(words) > 4 and not words[-1] else words for words in data]
     width = len(data[0]) - 1 if data else 3
     for words in data:
         if len(words) - 1 != width or width not in (2, 3):
@@ -380,7 +381,7 @@ def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
                 f"the line {shown!r} must contain a node number and two or three "
                 "coordinates, as many as the first line"
             )
-    x = from_words([word for words in data for word in words[1:]], "f8")
+    x = from_words([word or b"0" for words in data for word in words[1:]], "f8")
     return tags, x.reshape(-1, width)
 
 

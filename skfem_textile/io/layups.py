@@ -107,7 +107,8 @@ class Layup:
 
         ``axis`` has vectors of shape (3, n), which are projected onto the elements.
         """
-        x = unit(axis - self.normal * (axis * self.normal).sum(axis=0))
+        with np.errstate(invalid="ignore"):  # elements without the ply
+            x = unit(axis - self.normal * (axis * self.normal).sum(axis=0))
         y = np.cross(self.normal, x, axis=0)
         warp, weft = (
             np.degrees(np.arctan2((y * v).sum(axis=0), (x * v).sum(axis=0))) + 0.0

@@ -177,7 +177,9 @@ class AbaqusDeck:
         elif block.keyword == "ELEMENT" and type_of(block) not in _SHELLS:
             numbers = list(first_words(block.data))
             self.left[type_of(block)] += len(numbers)
-            name = block.parameters.get("ELSET")
+            name = None
+            if "ELSET" in block.parameters:
+                name = part.deck.spelling("ELSET", block.parameters)
             others = np.array(numbers, dtype=int), np.empty((len(numbers), 0), int)
             part.deck.blocks.append((type_of(block), *others, name))
         elif block.keyword in (*_OF_MESH, "INCLUDE") or block.keyword in GENERATING:

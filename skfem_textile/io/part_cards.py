@@ -70,7 +70,7 @@ class CardDeck:
     def _read(self) -> None:
         raise NotImplementedError
 
-    def _add_node(self, number: int, position: Sequence[float]) -> None:
+    def _add_node(self, number: int, position: Sequence[float] | ndarray) -> None:
         if ("", number) in self.positions:
             raise MeshError(f"node number {number} is used twice: use unique numbers")
         self.positions["", number] = np.array(position, dtype=float)
@@ -141,16 +141,16 @@ class NastranDeck(CardDeck):
         return Include({0: found[1].rstrip()}) if found else None
 
     def _read(self) -> None:
+        grids, usual = list[list[str]](), ""
+        axes: dict[int, tuple[str, list[str]]] = {}
         for name, fields, lines in self._cards():
             with errors_about(f"{name} {excerpt(fields[0])}"):
-                if name == "GRID" or name == "GRDSET":
-                    if _integer(fields[1]):
-                        raise MeshError(
-                            f"nodes are in the coordinate system {fields[1]}: export "
-                            "them in the basic system"
-                        )
-                    if name == "GRID":
-                        self._add_node(_integer(fields[0]), [*map(_real, fields[2:5])])
+                if name == "GRID":
+                    grids.append(fields)
+                elif name == "GRDSET":
+                    usual = fields[1]
+                elif name.startswith("CORD2"):
+                    axes[_integer(fields[0])] = name[5:], fields[1:11]
                 elif name in _CARDS:
                     card = _CARDS[name]
                     number, owner = map(_integer, fields[:2])
@@ -160,6 +160,11 @@ class NastranDeck(CardDeck):
                     self._fields[lines] = fields
                 elif _OTHERS.fullmatch(name):
                     self.left[name] += 1
+        for number, system, *words in (fields[:5] for fields in grids):
+            with errors_about(f"GRID {excerpt(number)}"):
+                x = np.array([_real(word) for word in words])
+                x = _basic(x, _integer(system or usual), axes)
+                self._add_node(_integer(number), x)
 
     def _cards(self) -> Iterator[tuple[str, list[str], tuple[int, int]]]:
         """Name, fields after it, and the lines of each card of the bulk data."""
@@ -203,6 +208,39 @@ class NastranDeck(CardDeck):
             return super()._side(element)
         a, b, c, d = (self.positions["", n] for n in element.nodes[:4])
         return b + c - a - d
+
+
+def _basic(
+    x: ndarray,
+    system: int,
+    axes: dict[int, tuple[str, list[str]]],
+    within: tuple[int, ...] = (),
+) -> ndarray:
+    """Coordinates in the basic system of those in another, shape (3,)."""
+    if system == 0:
+        return x
+    if system not in axes or system in within:
+        raise MeshError(
+            f"it is in the coordinate system {system}, which no CORD2R, CORD2C or "
+            "CORD2S defines"
+        )
+    kind, words = axes[system]
+    numbers = np.array([_real(word) for word in words[1:]]).reshape(3, 3)
+    outer = _integer(words[0]), axes, (*within, system)
+    origin, on_z, in_plane = (_basic(point, *outer) for point in numbers)
+    z, across = on_z - origin, in_plane - origin
+    y = np.cross(z, across)
+    if not np.linalg.norm(y) > 0:
+        raise MeshError(f"the axes of the coordinate system {system} are undefined")
+    z, y = unit(z), unit(y)
+    if kind in ("C", "S"):
+        distance, angle = x[0], np.radians(x[1:])
+        along, height = distance, x[2]
+        if kind == "S":
+            along, height = distance * np.sin(angle[0]), distance * np.cos(angle[0])
+        turn = angle[0 if kind == "C" else 1]
+        x = np.array([along * np.cos(turn), along * np.sin(turn), height])
+    return origin + np.array([np.cross(y, z), y, z]).T @ x
 
 
 def _fields_of(line: str) -> tuple[str, list[str]]:

@@ -243,7 +243,7 @@ def _nastran(folder, rng, refused):
         after,
         lambda n: [f"INCLUDE '{n}'"],
     )
-    return Made(path, [one], "basic system" if refused else "")
+    return Made(path, [one], "the coordinate system 3" if refused else "")
 
 
 def _nastran_card(rng, name, fields):

@@ -460,6 +460,18 @@ def test_numbers_of_nastran_have_exponents_without_letters(tmp_path):
     assert read.sets == {"property 1": np.array([0])}
 
 
+def test_nodes_of_nastran_may_be_in_other_coordinate_systems(tmp_path):
+    """Rectangular in a system with z along x and x along y; others about its z."""
+    lines = ["CORD2R,1,0,10.,0.,0.,11.,0.,0.", ",10.,1.,0."]
+    lines += ["CORD2C,2,1,0.,0.,0.,0.,0.,1.", ",1.,0.,0."]
+    lines += ["CORD2S,3,1,0.,0.,0.,0.,0.,1.", ",1.,0.,0.", "GRDSET,,1"]
+    lines += ["GRID,1,,2.,3.,5.", "GRID,2,2,4.,90.,1.", "GRID,3,3,4.,90.,180."]
+    lines += ["CTRIA3,9,1,1,2,3"]
+    read = read_part_deck(written_deck(tmp_path, *lines, name="a.dat"))
+    expected = [[15, 2, 3], [11, 0, 4], [10, -4, 0]]
+    np.testing.assert_allclose(read.mesh.points.T, expected, atol=1e-12)
+
+
 @pytest.mark.parametrize("inn", [1, 2])
 def test_angles_of_lsdyna_with_invariant_node_numbering(tmp_path, inn):
     """The axis is halfway between the middle lines, turned by −45°."""
@@ -496,9 +508,8 @@ REFUSED = {
         "a.bdf",
         [*TRIANGLE[:2], "GRID,3,,2.,0.,0.", "CTRIA3,9,1,1,2,3"],
     ),
-    r"a\.bdf: GRID 3: nodes are in the coordinate system 4": (
-        "a.bdf",
-        ["GRID,3,4,0.,0.,0."],
+    r"a\.bdf: GRID 3: it is in the coordinate system 4, which no": (
+        *("a.bdf", ["GRID,3,4,0.,0.,0.", "CTRIA3,9,1,1,2,3"]),
     ),
     r"a\.k: \*INCLUDE_PATH is not": ("a.k", ["*KEYWORD", "*INCLUDE_PATH", "b"]),
     r"a\.k: the file does not begin with": ("a.k", ["1"]),
