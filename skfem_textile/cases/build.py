@@ -46,6 +46,7 @@ from .schema import (
     FabricOfFile,
     Loads,
     Mesh,
+    Output,
     Shear,
     ShearLaw,
     Stepping,
@@ -246,20 +247,36 @@ def _refuse_contradictions(file: CaseFile) -> None:
                 f"{key} applies to the whole ply, but regions are given: omit one of "
                 "them"
             )
-    for key in ("part_mesh", "trim", "pattern"):
+    for key in ("part_mesh", "deck", "trim", "pattern"):
         in_space = issubclass(file.scene.declaration, WithTools)
         if getattr(file.output, key) and not in_space:
             raise ValueError(f"output.{key} requires a scene with tools")
-    if file.output.part_mesh is None:
-        if file.output.part_reach_mm is not None:
-            raise ValueError("output.part_reach_mm requires output.part_mesh")
-        if file.output.pattern is not None and file.output.trim is None:
-            raise ValueError("output.pattern requires output.part_mesh or output.trim")
+    refuse_incomplete_exports(file.output)
     most = file.stepping.most_unknowns
     if file.stepping.tolerance is None and most != Stepping().most_unknowns:
         raise ValueError(
             "stepping.most_unknowns requires stepping.tolerance: set it too"
         )
+
+
+def refuse_incomplete_exports(output: Output) -> None:
+    """Refuse keys of exports that require others."""
+    part = output.part_mesh or output.deck
+    for key, required, known in (
+        ("part_reach_mm", "output.part_mesh or output.deck", part),
+        (
+            "pattern",
+            "output.part_mesh, output.deck or output.trim",
+            part or output.trim,
+        ),
+        ("thickness_mm", "output.deck", output.deck),
+        ("material", "output.deck", output.deck),
+        ("calculix", "output.deck", output.deck),
+    ):
+        if getattr(output, key) not in (None, False) and not known:
+            raise ValueError(f"output.{key} requires {required}")
+    if output.deck and output.thickness_mm is None:
+        raise ValueError("output.deck requires output.thickness_mm")
 
 
 def _loads(of: Loads) -> tuple[Force | BodyForce, ...]:

@@ -615,6 +615,28 @@ class Output(Table):
         about("mesh of the part, to whose elements the fibre directions are mapped"),
         FILE,
     ] = None
+    deck: Annotated[
+        str | None,
+        about(
+            "deck of the part (Abaqus, CalculiX, Nastran, LS-DYNA, OpenRadioss), of "
+            "which a copy with the layers of the ply is written into the folder deck"
+        ),
+        FILE,
+    ] = None
+    thickness_mm: Annotated[
+        Annotated[float, Meta(gt=0)] | None,
+        about("thickness of the flat ply, for a deck"),
+    ] = None
+    material: Annotated[
+        str | None,
+        about(
+            "name or number of the material of the layers (default: that of the "
+            "sections in the deck)"
+        ),
+    ] = None
+    calculix: Annotated[
+        bool, about("write an .inp deck for CalculiX too, as NAME_ccx.inp")
+    ] = False
     part_reach_mm: Annotated[
         Annotated[float, Meta(gt=0)] | None,
         about(

@@ -138,7 +138,7 @@ class WrittenCase:
             key = "_".join(tables)
         ending = Path(name).suffix
         is_mesh = key in _OF_MESH or key.startswith("tool_")
-        if is_mesh and ending.lower() not in _WHOLE:
+        if key == "deck" or (is_mesh and ending.lower() not in _WHOLE):
             return os.path.abspath(name)
         file, number = f"{FILES}/{key}{ending.lower()}", 1
         while file in self._files:  # a key with several files

@@ -2,13 +2,14 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
 from numpy import ndarray
 
 from .. import io
+from ..cases.build import refuse_incomplete_exports
 from ..cases.finished import read_result
 from ..cases.read import converted
 from ..cases.schema import PATTERN_KINDS, Output
@@ -27,12 +28,22 @@ from .run_options import as_typed
 
 _PART = ("part.vtu", "part.csv", "part.inp")
 
+# Folder of the copy of a deck.
+_DECK = "deck"
+
 #: Files of flat patterns.
 PATTERN = tuple(f"pattern.{kind}" for kind in PATTERN_KINDS)
+
+# Beginning of the reason why an export is missing.
+_NOT = "not written"
+
+# Parameters of the layers in a deck.
+_LAYERS = "thickness", "material", "calculix"
 
 # Figures of exports that are printed, or the reasons why there are none.
 _FIRST = (
     Quantity("Part", "part"),
+    Quantity("Deck", "deck"),
     Quantity(
         *("Part covered", "part_covered_share_of_elements", "%"),
         note=" of its elements",
@@ -52,17 +63,9 @@ def run(options: argparse.Namespace) -> int:
     OSError, OutputError
         If the folder cannot be written.
     """
-    keys = {
-        path.removeprefix("output."): value
-        for path, value in vars(options).items()
-        if path.startswith("output.")
-    }
-    try:
-        export = PartExport.read(converted("output", keys, Output))
-    except ValueError as error:
-        raise ValueError(as_typed(str(error), options)) from None
+    export = PartExport.of_options(options)
     if not export:
-        raise ValueError("nothing to export: specify --part-mesh or --trim")
+        raise ValueError("nothing to export: specify --part-mesh, --deck or --trim")
     finished = read_result(options.folder)
     if finished.case.scene.dimension == 2:
         raise ValueError(
@@ -104,36 +107,60 @@ class PartExport:
     ``curves`` are closed, each (3, n); ``no_curves`` is the reason why there are none,
     and ``trimmed`` is true for user-supplied curves: the outline, then holes. ``reach``
     is the largest distance of the part from the ply in mm, and ``kinds`` are kinds of
-    files of the pattern. `write` may write ``files``.
+    files of the pattern. A deck has the ``layers`` of the ply. `write` may write
+    ``files``.
     """
 
     part: ToolMesh | None = None
+    deck: io.PartDeck | None = None
+    layers: Mapping[str, Any] = field(default_factory=dict)
     curves: Sequence[ndarray] = ()
     no_curves: str = ""
     trimmed: bool = False
     reach: float | None = None
     kinds: Sequence[str] = PATTERN_KINDS
-    files: ClassVar[tuple[str, ...]] = (*_PART, *PATTERN)
+    files: ClassVar[tuple[str, ...]] = (*_PART, *PATTERN, f"{_DECK}/*")
 
     @classmethod
     def read(cls, output: Output) -> "PartExport":
         """Read the part and the curves that a case names."""
-        part, trim = output.part_mesh, output.trim
+        part, trim = output.part_mesh or output.deck, output.trim
         if part is None and trim is None:
             return cls()
         if "dxf" in (output.pattern or ()):
             require("a .dxf of the pattern", "dxf", "ezdxf")
-        mesh = None if part is None else io.read_tool_mesh(part)
+        own = output.part_mesh
+        mesh = None if own is None else io.read_tool_mesh(own)
         others: dict[str, Any] = {"reach": output.part_reach_mm}
         others["kinds"] = output.pattern or PATTERN_KINDS
+        if output.deck is not None:
+            deck = io.read_part_deck(output.deck)
+            layers = output.thickness_mm, output.material, output.calculix
+            others |= {"deck": deck, "layers": dict(zip(_LAYERS, layers, strict=True))}
+            mesh = mesh or deck.mesh
         if trim is not None:
             files = (trim,) if isinstance(trim, str) else trim
             curves = [io.read_curve(file, 3) for file in files]
-            return cls(mesh, curves, trimmed=True, **others)
+            return cls(mesh, curves=curves, trimmed=True, **others)
         try:
-            return cls(mesh, mesh.boundary() if mesh else (), **others)
+            return cls(mesh, curves=mesh.boundary() if mesh else (), **others)
         except MeshError as error:
             return cls(mesh, no_curves=f"{printable(part)}: {error}", **others)
+
+    @classmethod
+    def of_options(cls, options: argparse.Namespace) -> "PartExport":
+        """Read what the options of a command name."""
+        keys = {
+            path.removeprefix("output."): value
+            for path, value in vars(options).items()
+            if path.startswith("output.")
+        }
+        try:
+            output = converted("output", keys, Output)
+            refuse_incomplete_exports(output)
+            return cls.read(output)
+        except ValueError as error:
+            raise ValueError(as_typed(str(error), options)) from None
 
     def __bool__(self) -> bool:
         """True if there is something to export."""
@@ -146,13 +173,14 @@ class PartExport:
         from it; empty if there is one.
         """
         figures: dict[str, Any] = {}
-        for what, write in (("part", self._fibres), ("pattern", self._pattern)):
+        writers = self._fibres, self._with_layers, self._pattern
+        for what, write in zip(("part", "deck", "pattern"), writers, strict=True):
             try:
                 if reason:
                     raise ValueError(reason)
                 figures |= write(sheet, folder)
             except ValueError as error:
-                figures[what] = f"not written: {error}"
+                figures[what] = f"{_NOT}: {error}"
         return figures
 
     @staticmethod
@@ -167,7 +195,9 @@ class PartExport:
     def missing(self, figures: Mapping[str, Any]) -> list[str]:
         """Requested exports that `write` has not written, with reasons."""
         requested = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
-        return [f"{what}: {figures[what]}" for what in requested if what in figures]
+        requested += ["deck"] * (self.deck is not None)
+        reasons = {what: str(figures.get(what, "")) for what in requested}
+        return [f"{k}: {text}" for k, text in reasons.items() if _NOT in text]
 
     def _fibres(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.part is None:
@@ -180,6 +210,14 @@ class PartExport:
             "part_covered_share_of_elements": float(fibres.covered.mean()),
             "part_reach_mm": self.reach or REACH * longest,
         }
+
+    def _with_layers(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
+        if self.deck is None:
+            return {}
+        fibres = fibres_on_tool(sheet, self.deck.mesh, reach=self.reach)
+        (folder / _DECK).mkdir()
+        files = io.write_part_deck(folder / _DECK, self.deck, fibres, **self.layers)
+        return {"deck": f"{_DECK}/{files[0].name}"}
 
     def _pattern(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.no_curves:

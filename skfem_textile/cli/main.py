@@ -183,10 +183,11 @@ def _add_options(
         from .run_options import add_run
 
         add_run(parser, named)
-    elif command == "export":
-        from .run_options import add_export
+    elif command in ("export", "net"):
+        from .options import OPTIONS
+        from .run_options import add_exports
 
-        add_export(parser)
+        add_exports(parser, OPTIONS[command])
     elif command == "fit":
         from .options import add_fit
 

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -82,10 +83,7 @@ def run(options: argparse.Namespace) -> int:
     _refuse_combinations(options)
     began = perf_counter()
     log_to_stderr(0)
-    export = PartExport()
-    if options.part_mesh is not None:
-        mesh = io.read_tool_mesh(options.part_mesh)
-        export = PartExport(mesh, reach=options.part_reach)
+    export = replace(PartExport.of_options(options), curves=(), no_curves="")
     with shown("laying the net", printed=True):
         part = _laid(options)
         fibres = _fibres(part)
@@ -103,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
             io.write_fibres(folder / name, fibres)
         io.write_net(folder / _NET, cells)
         if part.patterns:
-            write_patterns(folder, _to_cut(part))
+            write_patterns(folder, _to_cut(part), export.kinds)
         if not options.no_render:
             _draw(part, cells, options, folder)
         figures["time_s"] = perf_counter() - began
@@ -138,8 +136,6 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
     for name in ("layer", "outline_unit"):
         if getattr(options, name) is not None and options.outline is None:
             raise ValueError(f"--{name.replace('_', '-')} requires --outline")
-    if options.part_reach is not None and options.part_mesh is None:
-        raise ValueError("--part-reach requires --part-mesh")
     for name in ("best", "darts", "roll_width"):
         if getattr(options, name) and options.outline is not None:
             raise ValueError(

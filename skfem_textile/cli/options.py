@@ -45,6 +45,8 @@ _REPORT: Options = {
     ),
 }
 
+_EXPORT: Options = {"folder": option("results folder of a run", words.folder, "DIR")}
+
 _NET: Options = {
     "--tool": option(
         "STL, PLY, OBJ or 3MF files, or other files of triangles",
@@ -104,13 +106,6 @@ _NET: Options = {
     "--outline-unit": option(
         "unit of length of the drawing (default: the file's, else mm)",
         choices=tuple(IN_MM),
-    ),
-    "--part-mesh": option(
-        "mesh of the part, to whose elements fibre directions are mapped",
-        metavar="FILE",
-    ),
-    "--part-reach": option(
-        "largest distance of the part from the net on it", words.length, "MM"
     ),
     "--best": option(
         "search for the point and the direction, or with --fibres the point, with the "
@@ -258,6 +253,7 @@ OPTIONS: dict[str, Options] = {
     "show": _SHOW,
     "init": _INIT,
     "report": _REPORT,
+    "export": _EXPORT,
     "net": _NET,
 }
 

@@ -66,6 +66,16 @@ _OPTIONS_WITH_TOOLS = {
         "output.part_mesh",
         "mesh of the part, to whose elements fibre directions are mapped",
     ),
+    "deck": (
+        "output.deck",
+        "deck of the part, of which a copy with the layers of the ply is written",
+    ),
+    "thickness": ("output.thickness_mm", "thickness of the flat ply, for a deck"),
+    "material": (
+        "output.material",
+        "material of the layers in the deck (default: that of its sections)",
+    ),
+    "calculix": ("output.calculix", "write an .inp deck for CalculiX too"),
     "part-reach": (
         "output.part_reach_mm",
         "largest distance of the part from the ply on it",
@@ -143,13 +153,14 @@ def add_run(parser: argparse.ArgumentParser, named: Sequence[str] | None) -> Non
     _add_scene(scenes, words.CASE_FILE, "a case file", None, aliases=files)
 
 
-def add_export(parser: argparse.ArgumentParser) -> None:
-    """Add the folder of a finished run, and the options of exports."""
-    add(parser, {"folder": option("results folder of a run", words.folder, "DIR")})
+def add_exports(parser: argparse.ArgumentParser, others: Options) -> None:
+    """Add the options of a command, and those of exports that it does not have."""
+    add(parser, others)
     parser.set_defaults(
         flags=dict(
             _add_key(parser, flag, path, _type_of(path), about)
             for flag, (path, about) in _OPTIONS_WITH_TOOLS.items()
+            if f"--{flag}" not in others
         )
     )
 

@@ -123,7 +123,7 @@ def test_a_pattern_is_the_outline_of_another_ply(formed, tmp_path):
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        ("out", "nothing to export: specify --part-mesh or --trim"),
+        ("out", "nothing to export: specify --part-mesh, --deck or --trim"),
         ("out --part-mesh none.stl", "none.stl: no such file"),
         (
             "out --part-mesh part.stl --part-reach 0",

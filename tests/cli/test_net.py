@@ -295,7 +295,7 @@ def test_a_ply_that_is_too_small_does_not_cover_the_trimmed_part(tmp_path, tool)
     ("words", "text"),
     [
         ("--layer CUT", "--layer requires --outline"),
-        ("--part-reach 2", "--part-reach requires --part-mesh"),
+        ("--part-reach 2", "--part-reach requires --part-mesh or --deck"),
         ("--outline ply.csv --best", "--outline cannot be combined with --best"),
         ("--outline none.csv", "none.csv: No such file"),
         ("--part-mesh none.stl", "none.stl: no such file"),
