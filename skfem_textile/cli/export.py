@@ -205,11 +205,15 @@ class PartExport:
         fibres = fibres_on_tool(sheet, self.part, reach=self.reach)
         for name in _PART:
             io.write_fibres(folder / name, fibres)
-        longest = max(sheet.longest_edge, float(self.part.longest_edges().max()))
         return {
             "part_covered_share_of_elements": float(fibres.covered.mean()),
-            "part_reach_mm": self.reach or REACH * longest,
+            "part_reach_mm": self._reach(sheet, self.part),
         }
+
+    def _reach(self, sheet: Sheet, part: ToolMesh) -> float:
+        """Largest distance of the part from the ply in mm."""
+        longest = max(sheet.longest_edge, float(part.longest_edges().max()))
+        return self.reach or REACH * longest
 
     def _with_layers(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.deck is None:
@@ -226,10 +230,12 @@ class PartExport:
             return {}
         outer, *holes = self.curves
         if self.trimmed:
-            patterns = [flat_pattern(sheet, outer, holes=holes)]
+            patterns = [flat_pattern(sheet, outer, holes=holes, reach=self.reach)]
             area = patterns[0].area
         else:  # holes of the part have the opposite orientation
-            patterns = [flat_pattern(sheet, curve) for curve in self.curves]
+            assert self.part is not None
+            reach = self._reach(sheet, self.part)
+            patterns = [flat_pattern(sheet, x, reach=reach) for x in self.curves]
             area = abs(sum(one.signed_area for one in patterns))
         write_patterns(folder, patterns, self.kinds)
         length = sum(pattern.length for pattern in patterns)

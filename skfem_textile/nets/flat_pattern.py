@@ -113,6 +113,7 @@ def flat_pattern(
     curve: ArrayLike,
     spacing: float | None = None,
     holes: Sequence[ArrayLike] = (),
+    reach: float | None = None,
 ) -> FlatPattern:
     """Outline in the flat ply of a curve that trims the part on the tool.
 
@@ -129,6 +130,9 @@ def flat_pattern(
         By default half of the longest edge of the ply.
     holes
         Closed curves that are cut out, inside the outline.
+    reach
+        Largest distance of the curves from the ply in mm; by default a quarter of its
+        longest edge.
 
     Raises
     ------
@@ -154,21 +158,26 @@ def flat_pattern(
     if spacing is None:
         spacing = _SPACING * sheet.longest_edge
     spacing = positive_length("flat pattern: spacing", spacing)
-    outer = _outlined(sheet, curve, spacing)
+    if reach is not None:
+        reach = positive_length("flat pattern: reach", reach)
+    outer = _outlined(sheet, curve, spacing, reach)
     if not len(holes):
         return outer
     require("a flat pattern with holes", "outlines", "shapely")
-    inner = tuple(_outlined(sheet, hole, spacing) for hole in holes)
+    inner = tuple(_outlined(sheet, hole, spacing, reach) for hole in holes)
     refuse_holes(outer, inner)
     return replace(outer, holes=inner)
 
 
-def _outlined(sheet: Sheet, curve: ArrayLike, spacing: float) -> FlatPattern:
+def _outlined(
+    sheet: Sheet, curve: ArrayLike, spacing: float, reach: float | None
+) -> FlatPattern:
     """Outline of one curve."""
     points = _closed(curve)
-    _points_on_ply(sheet, points)  # refuses a distant curve before points are added
+    # Before points are added, a distant curve is refused.
+    _points_on_ply(sheet, points, reach)
     points = spaced(points, spacing)
-    places = _points_on_ply(sheet, points)
+    places = _points_on_ply(sheet, points, reach)
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
     outline = sheet.flat_at(places)
     steps = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=0)
@@ -205,9 +214,9 @@ def refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
         left = left.difference(cut)
 
 
-def _points_on_ply(sheet: Sheet, points: ndarray) -> SheetPoints:
+def _points_on_ply(sheet: Sheet, points: ndarray, reach: float | None) -> SheetPoints:
     """Points of the ply at points of a curve, (3, n), which must lie on it."""
-    places = sheet.at(points)
+    places = sheet.at(points, reach)
     off = np.flatnonzero(~places.found)
     if off.size:
         raise ValueError(

@@ -15,7 +15,7 @@ from skfem_textile.cases import case_from_file
 ROOT = Path(__file__).parents[2]
 SCRIPTS = sorted((ROOT / "examples").rglob("*.py"))
 #: Those of the gallery; others write what the pages show.
-EXAMPLES = [x for x in SCRIPTS if x.parent.name not in ("hole", "media")]
+EXAMPLES = [x for x in SCRIPTS if x.parent.name not in ("hole", "media", "part")]
 CASES = sorted((ROOT / "examples").rglob("*.toml"))
 OPTIONAL = ("pyvista", "matplotlib", "pypardiso", "cvxopt", "dask")
 ARCHITECTURE = "".join(
