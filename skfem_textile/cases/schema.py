@@ -630,8 +630,8 @@ class Output(Table):
     material: Annotated[
         str | None,
         about(
-            "name or number of the material of the layers (default: that of the "
-            "sections in the deck)"
+            "name or number of the material of the layers (default: the material "
+            "of the sections in the deck)"
         ),
     ] = None
     calculix: Annotated[

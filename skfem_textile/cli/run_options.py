@@ -73,7 +73,7 @@ _OPTIONS_WITH_TOOLS = {
     "thickness": ("output.thickness_mm", "thickness of the flat ply, for a deck"),
     "material": (
         "output.material",
-        "material of the layers in the deck (default: that of its sections)",
+        "material of the layers in the deck (default: as in its sections)",
     ),
     "calculix": ("output.calculix", "write an .inp deck for CalculiX too"),
     "part-reach": (
@@ -154,7 +154,7 @@ def add_run(parser: argparse.ArgumentParser, named: Sequence[str] | None) -> Non
 
 
 def add_exports(parser: argparse.ArgumentParser, others: Options) -> None:
-    """Add the options of a command, and those of exports that it does not have."""
+    """Add the options of a command, and missing ones of exports."""
     add(parser, others)
     parser.set_defaults(
         flags=dict(

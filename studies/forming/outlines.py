@@ -1,4 +1,4 @@
-"""Plies with outlines of their own on meshes of several kinds."""
+"""Plies with user-defined outlines on meshes of several kinds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ _AROUND, _RUN, _ALONG, _TRIANGLES = MESHES = (
 # Elements across, of the compared meshes and of the reference.
 _ACROSS, _FINE = 14, 28
 
-# Size of triangles relative to that of quadrilaterals, for as many nodes.
+# Size of triangles relative to quadrilaterals, for as many nodes.
 _OF_TRIANGLES = 1.25
 
 

@@ -54,8 +54,8 @@ LAYERS = {
     ),
     "cli": (
         *("calibration", "plot", "cases", "io", "scenes", "solve", "declarations"),
-        *("declarations.scenes", "drape", "contact", "nets", "surfaces", "ply"),
-        *("fabric", "mesh", "cli.interruption", "cli.output"),
+        *("declarations.scenes", "drape", "contact", "nets", "surfaces", "outlines"),
+        *("ply", "fabric", "mesh", "cli.interruption", "cli.output"),
     ),
     "__main__": ("cli",),
 }
