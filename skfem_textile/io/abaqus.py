@@ -580,10 +580,11 @@ def deck_of(
     for keyword, sets in (("NSET", node_sets), ("ELSET", {**own, **element_sets})):
         for name, word in _words_of(sets).items():
             lines += set_lines(keyword, word, (sets[name] + 1).tolist())
+    lines += ["*DISTRIBUTION TABLE, NAME=AXES", AXES]
     for name, family in ((WARP, warp), (WEFT, weft)):
         across = np.cross(normal, family, axis=0)
         a, b = family[:, covered], across[:, covered]
-        lines += axes_lines(name, number[covered].tolist(), a, b)
+        lines += axes_lines(name, "AXES", number[covered].tolist(), a, b)
     return "\n".join([*lines, ""])
 
 
@@ -626,25 +627,26 @@ def set_lines(keyword: str, name: str, numbers: Sequence[int]) -> Iterator[str]:
         yield ", ".join(map(str, numbers[i : i + _IN_A_LINE]))
 
 
+#: Format of the values of distributions, by the kind of the values.
+AXES, ANGLE, LENGTH = "COORD3D, COORD3D", "ANGLE", "LENGTH"
+
+
 def distribution_lines(
-    name: str, kind: str, default: list[float], numbers: Sequence[int], values: ndarray
+    name: str, table: str, default: list[float], numbers: Sequence[int], values: ndarray
 ) -> Iterator[str]:
-    """Distribution of values on elements, shape (n_values, n), and its table."""
-    yield f"*DISTRIBUTION TABLE, NAME={name}_TABLE"
-    yield kind
-    yield f"*DISTRIBUTION, NAME={name}, LOCATION=ELEMENT, TABLE={name}_TABLE"
+    """Distribution of values on elements, shape (n_values, n)."""
+    yield f"*DISTRIBUTION, NAME={name}, LOCATION=ELEMENT, TABLE={table}"
     yield ", ".join(["", *map(real_word, default)])
     for number, row in zip(numbers, values.T.tolist(), strict=True):
         yield ", ".join([str(number), *map(real_word, row)])
 
 
 def axes_lines(
-    name: str, numbers: Sequence[int], a: ndarray, b: ndarray
+    name: str, table: str, numbers: Sequence[int], a: ndarray, b: ndarray
 ) -> Iterator[str]:
     """Orientation with points a and b of each element, shape (3, n)."""
     yield f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR"
     yield f"{name}_AXES"
     yield "3, 0."
     values, x_y = np.vstack([a, b]), [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
-    kind = "COORD3D, COORD3D"
-    yield from distribution_lines(f"{name}_AXES", kind, x_y, numbers, values)
+    yield from distribution_lines(f"{name}_AXES", table, x_y, numbers, values)

@@ -13,7 +13,10 @@ from numpy import ndarray
 from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt
 from .abaqus import (
+    ANGLE,
+    AXES,
     GENERATING,
+    LENGTH,
     NOT_COVERED,
     Block,
     Deck,
@@ -47,6 +50,8 @@ _OF_MESH = ("NODE", "ELEMENT", "NSET", "ELSET")
 # Names of what the include file defines, and integration points of a layer.
 _AXES, _TURN, _LAYER, _SET = "FIBRE", "FIBRE_TURN", "FIBRE_LAYER", "FIBRES"
 _POINTS = 3
+
+_TABLES = (AXES, ANGLE, LENGTH)
 
 # Parameters of a section that a layup keeps.
 _KEPT = ("OFFSET", "CONTROLS", "STACK DIRECTION", "POISSON", "DENSITY")
@@ -258,18 +263,31 @@ class AbaqusDeck:
     # Layups
 
     def write(self, folder: Path, layup: Layup) -> tuple[list[Path], list[str]]:
-        """Write a copy with an include file for each part with fibres, and remarks."""
+        """Write a copy with an include file for each part with fibres, and remarks.
+
+        Tables of distributions are outside of parts, as Abaqus demands.
+        """
         text, remarks = self.text.unchanged(), list[str]()
-        files: dict[str, list[str]] = {}
+        stem = self.text.files[0].path.stem
+        tables = {
+            kind: self._free(f"FIBRE_{kind.partition('3')[0]}S") for kind in _TABLES
+        }
+        main = ["** fibres of a woven ply, by skfem_textile; lengths in mm"]
+        for kind, name in tables.items():
+            main += [f"*DISTRIBUTION TABLE, NAME={name}", kind]
+        files = {_file(stem, ""): main}
         for part in self._parts.values():
             if not (plies := self._plies(part, layup)):
                 continue
-            words = self.text.files[0].path.stem, "fibres", part.name
-            name = re.sub(r"[^\w-]", "_", "_".join(filter(None, words))) + ".inp"
+            name = _file(stem, part.name)
+            lines = files.setdefault(name, [])
+            lines += self._include_lines(part, plies, layup, tables)
             text.insert(part.end, [f"*INCLUDE, INPUT={name}".encode()])
-            files[name] = list(self._include_lines(part, plies, layup))
             for group in self.groups(part, set(plies), layup.material):
                 remarks += group.comment_out(text)
+        if len(files) > 1:
+            first = next(x.lines[0] for x in self.blocks if x.keyword == "PART")
+            text.insert(first, [f"*INCLUDE, INPUT={_file(stem, '')}".encode()])
         return text.write(folder, files), remarks
 
     def _plies(self, part: _Part, layup: Layup) -> dict[int, int]:
@@ -293,7 +311,11 @@ class AbaqusDeck:
         return {n: i for n, (_, i) in sorted(found.items()) if covered[i]}
 
     def _include_lines(
-        self, part: _Part, plies: dict[int, int], layup: Layup
+        self,
+        part: _Part,
+        plies: dict[int, int],
+        layup: Layup,
+        tables: dict[str, str],
     ) -> Iterator[str]:
         """Lines of the include file of a part."""
         turn = {instance.name: instance.turn for instance in part.instances}
@@ -305,15 +327,16 @@ class AbaqusDeck:
             for v in (layup.warp, layup.across())
         )
         axes, angle = self._free(_AXES), self._free(_TURN)
-        yield "** fibres of a woven ply, by skfem_textile; lengths in mm"
-        yield from axes_lines(axes, numbers, a, b)
+        yield from axes_lines(axes, tables[AXES], numbers, a, b)
         weft, thick = layup.turn_of_weft()[None, index], layup.thickness[None, index]
-        yield from distribution_lines(angle, "ANGLE", [90.0], numbers, weft)
+        yield from distribution_lines(angle, tables[ANGLE], [90.0], numbers, weft)
         of_share = {}
         for share in dict.fromkeys(share for _, share in LAYERS):
             name, rest = self._free(_LAYER), [layup.rest * share]
             of_share[share] = name
-            yield from distribution_lines(name, "LENGTH", rest, numbers, thick * share)
+            yield from distribution_lines(
+                name, tables[LENGTH], rest, numbers, thick * share
+            )
         left = sorted(set(kinds) - set(plies))
         yield from set_lines("ELSET", self._free(NOT_COVERED), left)
         for group in self.groups(part, set(plies), layup.material):
@@ -408,6 +431,12 @@ def _by_shell(members: list[int], kinds: dict[int, str]) -> list[list[int]]:
         )
     of_kind = [[n for n in members if kinds[n].startswith("SC") == k] for k in (0, 1)]
     return [some for some in of_kind if some]
+
+
+def _file(stem: str, part: str) -> str:
+    """Name of the include file of a part."""
+    name = "_".join(filter(None, (stem, "fibres", part)))
+    return re.sub(r"[^\w-]", "_", name) + ".inp"
 
 
 def _name(parameters: dict[str, str], key: str) -> str:

@@ -88,6 +88,9 @@ def of_inp(made, path):
             keyword, given = item
             if keyword in ("PART", "INSTANCE"):
                 part = given.get("PART", given["NAME"]).upper()
+            elif keyword in ("END PART", "END INSTANCE"):
+                part = ""
+            assert keyword != "DISTRIBUTION TABLE" or not part  # of the model
             name = given.get("ELSET", given.get("NAME", "")).upper()
             data = []
             if keyword == "DISTRIBUTION":

@@ -218,7 +218,7 @@ def test_files_contain_the_same_fibres_and_mark_uncovered_elements(tmp_path):
 def orientation(lines, name):
     """Points a and b of each element in a deck, by its number."""
     start = lines.index(
-        f"*DISTRIBUTION, NAME={name}_AXES, LOCATION=ELEMENT, TABLE={name}_AXES_TABLE"
+        f"*DISTRIBUTION, NAME={name}_AXES, LOCATION=ELEMENT, TABLE=AXES"
     )
     axes = {}
     for line in lines[start + 2 :]:
