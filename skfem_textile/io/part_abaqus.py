@@ -114,6 +114,7 @@ class AbaqusDeck:
         self.flat = self._part("")
         self._own: list[Block] = []  # sets of the assembly
         self._names: set[str] = set()
+        self._taken: set[str] = set()
         self.blocks = list(blocks(self.text.content))
         self._read()
         for part in self._parts.values():
@@ -268,6 +269,7 @@ class AbaqusDeck:
         Tables of distributions are outside of parts, as Abaqus demands.
         """
         text, remarks = self.text.unchanged(), list[str]()
+        self._taken = set(self._names)
         stem = self.text.files[0].path.stem
         tables = {
             kind: self._free(f"FIBRE_{kind.partition('3')[0]}S") for kind in _TABLES
@@ -338,7 +340,9 @@ class AbaqusDeck:
                 name, tables[LENGTH], rest, numbers, thick * share
             )
         left = sorted(set(kinds) - set(plies))
-        yield from set_lines("ELSET", self._free(NOT_COVERED), left)
+        taken = ("ELSET", NOT_COVERED) in part.deck.spelled
+        name = self._free(NOT_COVERED) if taken else NOT_COVERED
+        yield from set_lines("ELSET", name, left)
         for group in self.groups(part, set(plies), layup.material):
             for members in _by_shell(group.members, kinds):
                 name, kind = self._free(_SET), kinds[members[0]]
@@ -377,9 +381,9 @@ class AbaqusDeck:
         sets = {x.rpartition(".")[2].upper() for x in self.sets}
         for number in range(1, 10**6):
             free = name if number == 1 else f"{name}_{number}"
-            if free.upper() not in self._names | sets:
+            if free.upper() not in self._taken | sets:
                 break
-        self._names.add(free.upper())
+        self._taken.add(free.upper())
         return free
 
 

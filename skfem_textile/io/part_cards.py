@@ -160,11 +160,11 @@ class NastranDeck(CardDeck):
                     self._fields[lines] = fields
                 elif _OTHERS.fullmatch(name):
                     self.left[name] += 1
-        for number, system, *words in (fields[:5] for fields in grids):
-            with errors_about(f"GRID {excerpt(number)}"):
+        for label, system, *words in (fields[:5] for fields in grids):
+            with errors_about(f"GRID {excerpt(label)}"):
                 x = np.array([_real(word) for word in words])
-                x = _basic(x, _integer(system or usual), axes)
-                self._add_node(_integer(number), x)
+                at = _basic(x, _integer(system or usual), axes)
+                self._add_node(_integer(label), at)
 
     def _cards(self) -> Iterator[tuple[str, list[str], tuple[int, int]]]:
         """Name, fields after it, and the lines of each card of the bulk data."""

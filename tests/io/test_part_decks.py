@@ -373,6 +373,11 @@ def test_elements_without_fibres_keep_their_section(tmp_path, caplog):
         *("*INCLUDE, INPUT=a_fibres.inp", "*Step", "*Static"),
     ]
     lines = files[1].read_text().splitlines()
+    again = write_part_deck(tmp_path / "again", read, fibres, 0.4)
+    assert again[1].read_text() == files[1].read_text()
+    caplog.clear()
+    write_part_deck(tmp_path / "out", read, fibres, 0.4)
+    assert lines[lines.index("*ELSET, ELSET=NOT_COVERED") + 1] == "11"
     at = lines.index("*ELSET, ELSET=NOT_COVERED_Skin")
     assert lines[at : at + 4] == [
         *("*ELSET, ELSET=NOT_COVERED_Skin", "11"),
