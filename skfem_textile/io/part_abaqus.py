@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.checks import MeshError
+from ..mesh.checks import MeshError, refuse_positions
 from ..mesh.user_input import excerpt
 from .abaqus import (
     ANGLE,
@@ -196,6 +196,7 @@ class AbaqusDeck:
         deck, scope = part.deck, instance.name
         if deck.tags is None:
             return
+        refuse_positions(deck.points.T)
         points = in_space(deck.points) @ instance.turn.T + instance.shift
         keys = [(scope, n) for n in deck.tags.tolist()]
         if len(set(keys)) < len(keys):

@@ -17,7 +17,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.checks import MeshError
+from ..mesh.checks import MeshError, refuse_positions
 from ..mesh.user_input import excerpt
 from ..surfaces.tool_mesh import unit
 from .deck_text import DeckText, Include
@@ -163,6 +163,7 @@ class NastranDeck(CardDeck):
         for label, system, *words in (fields[:5] for fields in grids):
             with errors_about(f"GRID {excerpt(label)}"):
                 x = np.array([_real(word) for word in words])
+                refuse_positions(x[:, None])
                 at = _basic(x, _integer(system or usual), axes)
                 self._add_node(_integer(label), at)
 
@@ -226,6 +227,7 @@ def _basic(
         )
     kind, words = axes[system]
     numbers = np.array([_real(word) for word in words[1:]]).reshape(3, 3)
+    refuse_positions(numbers.T)
     outer = _integer(words[0]), axes, (*within, system)
     origin, on_z, in_plane = (_basic(point, *outer) for point in numbers)
     z, across = on_z - origin, in_plane - origin

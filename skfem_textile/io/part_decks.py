@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.checks import MeshError
+from ..mesh.checks import MeshError, refuse_positions
 from ..mesh.user_input import printable
 from ..nets.sheet import FibresInSpace
 from ..surfaces.tool_mesh import ToolMesh
@@ -148,8 +148,7 @@ def _mesh(
         cells.setdefault(len(row), []).append(row)
     points = np.array([positions[key] for key in numbers]).T
     arrays = tuple(np.array(rows).T for rows in cells.values())
-    if not np.isfinite(points).all():
-        raise MeshError("the coordinates of the nodes must be finite")
+    refuse_positions(points)
     for element, area in zip(elements, _areas(points, arrays), strict=True):
         if not area > 0:
             raise MeshError(f"element {element.number} has no area")

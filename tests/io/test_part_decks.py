@@ -6,15 +6,27 @@ package.
 
 import re
 import shutil
+import tempfile
 from collections import Counter
 
 import meshio
 import numpy as np
 import pytest
+from hypothesis import strategies as st
 
 from skfem_textile import MeshError, drape
 from skfem_textile.io import read_part_deck, write_part_deck
 from skfem_textile.io.layups import LAYERS
+from tests.helpers.hostile import (
+    RIGHT,
+    Family,
+    errors_only,
+    expect_close,
+    expect_equal,
+    rejected_if_damaged,
+    seeds,
+)
+from tests.helpers.hostile.damage import damaged
 from tests.helpers.part_decks import FORMATS, deck
 
 # Seed of the sample.
@@ -532,6 +544,38 @@ def test_a_deck_that_cannot_be_read_is_refused_in_one_line(tmp_path, message):
     with pytest.raises(MeshError, match=message) as caught:
         read_part_deck(path)
     assert "\n" not in str(caught.value)
+
+
+@st.composite
+def hostile_decks(draw, form):
+    seed = draw(seeds)
+    with tempfile.TemporaryDirectory() as folder:
+        content = deck(folder, form, seed, damage=False).path.read_bytes()
+    return seed, form, *draw(damaged(content))
+
+
+@errors_only()
+def attempt(hostile):
+    """A damaged deck is refused, or its copy has the same elements and positions."""
+    seed, form, content, damage = hostile
+    made = deck(".", form, seed, damage=False)
+    made.path.write_bytes(content)
+    try:
+        read = read_part_deck(made.path)
+        fibres = fibres_on(read.mesh)
+        if not fibres.covered.any():
+            return RIGHT
+        again = read_part_deck(write_part_deck("out", read, fibres, REST)[0])
+    except MeshError as error:
+        return rejected_if_damaged(error, damage)
+    expect_equal("labels", again.labels.tolist(), read.labels.tolist())
+    expect_close("positions", again.mesh.points, read.mesh.points, 0.0)
+    return RIGHT
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_damaged_deck_is_refused_or_copied(form):
+    Family(f"part {form}", {"": hostile_decks(form)}, attempt, 1000).check(8)
 
 
 def test_arguments_that_do_not_fit_are_refused(tmp_path):
