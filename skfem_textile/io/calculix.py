@@ -4,6 +4,7 @@ CalculiX ignores ``*DISTRIBUTION`` under shells.  Each class of similar directio
 thickness has its own section and orientations.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -12,12 +13,16 @@ from numpy import ndarray
 
 from ..mesh.checks import MeshError
 from .abaqus import Block, node_lines, set_lines
+from .deck_text import DeckText
 from .file_numbers import real_word
 from .layups import LAYERS, WARP, Element, Layup
 from .part_abaqus import AbaqusDeck, Group, first_words, type_of
 
 # Width of classes of directions in degrees, and of classes of relative thickness.
 _CLASS_DEG, _CLASS_THICKNESS = 0.1, 1e-3
+
+# Keywords of an assembly, which are removed.
+_OF_ASSEMBLY = ("PART", "ASSEMBLY", "INSTANCE")
 
 _LINEAR_OR_QUADRATIC = ("S3", "S4", "S6", "S8", "S9", "STRI")
 
@@ -50,20 +55,22 @@ class _MidNodes:
 def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
     """Deck in one file with elements raised to S8R and S6, and remarks.
 
+    CalculiX reads no parts.  Those of a deck with one instance are removed, and its
+    nodes are moved.
+
     Raises
     ------
     MeshError
-        If the deck has parts, which CalculiX does not read, or covered membranes.
+        If the deck has several instances, or fibres in membranes.
     """
-    part, elements = deck.flat, {x.number: x for x in layup.elements}
-    if any(element.scope for element in layup.elements):
-        raise MeshError("CalculiX reads decks without *PART alone")
+    (part, instance), elements = deck.only(), {x.number: x for x in layup.elements}
     plies = {layup.elements[i].number: i for i in layup.indices()}
     if other := [n for n in plies if not _is_raised(elements[n].kind)]:
         kind = elements[other[0]].kind
         raise MeshError(f"element {other[0]} is a {kind}: use S3 to S8R")
     nodes = _MidNodes({n: x for (_, n), x in deck.positions.items()})
     text, lines = deck.text.unchanged(), list[str]()
+    _rename(text, instance.name)
     beams = ", ".join(kind for kind in deck.left if kind.startswith("B"))
     remarks = [f"CalculiX may fail on layers together with {beams}"] * bool(beams)
     for block in deck.blocks:
@@ -72,29 +79,56 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
                 "*BOUNDARY on single nodes: new nodes between them are free; use sets"
             )
         new = list(_changed(block, elements, nodes))
-        if new:
+        if new or block.keyword.removeprefix("END ") in _OF_ASSEMBLY:
             text.comment_out(block.lines, b"**")
             text.insert(block.lines[0], [x.encode("latin-1") for x in new])
-    for (keyword, name), members in part.deck.sets.items():
-        if keyword == "NSET":
-            lines += set_lines("NSET", name, nodes.within(set(members.tolist())))
+    own = {
+        name: members for (k, name), members in part.deck.sets.items() if k == "NSET"
+    }
+    for name, pairs in deck.node_sets.items():
+        own[name] = np.array([n for _, n in pairs])
+    for name, members in own.items():
+        lines += set_lines("NSET", name, nodes.within(set(members.tolist())))
     for k, group in enumerate(deck.groups(part, set(plies), layup.material)):
         lines += _classes(group, plies, layup, f"CLASS_{k}")
         lines += group.rest_lines(str)
         list(group.comment_out(text))
-    text.insert(part.end, [x.encode("latin-1") for x in lines])
+    text.insert(deck.flat.end, [x.encode("latin-1") for x in lines])
     return b"\n".join([*text.changed(), b""]), remarks
+
+
+def _rename(text: DeckText, instance: str) -> None:
+    """Names without the name of the instance before a point."""
+    prefix = re.compile(rb"\b" + re.escape(instance.encode()) + rb"\.", re.I)
+    if not instance:
+        return
+    for number, line in enumerate(text.lines):
+        if prefix.search(line):
+            text.replace(number, [prefix.sub(b"", line)])
 
 
 def _changed(
     block: Block, elements: dict[int, Element], nodes: _MidNodes
 ) -> Iterator[str]:
-    """Lines in place of elements and materials that CalculiX does not read."""
-    if block.keyword == "ELEMENT" and _is_raised(type_of(block)):
+    """Lines in place of those that CalculiX does not read."""
+    keyword, parameters = block.keyword, block.parameters
+    if keyword == "ELEMENT" and _is_raised(type_of(block)):
         own = [elements[n] for n in first_words(block.data)]
-        yield from _raised(own, nodes, block.parameters.get("ELSET"))
-    elif block.keyword == "ELASTIC" and type_of(block) == "LAMINA":
+        yield from _raised(own, nodes, parameters.get("ELSET"))
+    elif keyword == "ELASTIC" and type_of(block) == "LAMINA":
         yield from _engineering(block)
+    elif keyword == "NODE" and any(element.scope for element in elements.values()):
+        numbers = [int(row[0]) for row in block.data]
+        yield "*NODE" + "".join(f", NSET={parameters[k]}" for k in parameters)
+        yield from node_lines(
+            numbers, np.array([nodes.positions[n] for n in numbers]).T
+        )
+    elif keyword in ("NSET", "ELSET") and "INSTANCE" in parameters:
+        words = [k for k in parameters if k == "GENERATE"]
+        prefix = re.compile(re.escape(parameters["INSTANCE"]) + r"\.", re.I)
+        yield ", ".join([f"*{keyword}", f"{keyword}={parameters[keyword]}", *words])
+        for row in block.data:
+            yield prefix.sub("", b", ".join(row).decode("latin-1"))
 
 
 def _is_raised(kind: str) -> bool:

@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -96,6 +96,8 @@ class AbaqusDeck:
         The shells, in the order of the instances.
     sets
         Instance and number of the members of each set of elements.
+    node_sets
+        The same of each set of nodes of the assembly.
     left
         Numbers of other elements by type.
     flat
@@ -113,6 +115,8 @@ class AbaqusDeck:
         self._parts: dict[str, _Part] = {}
         self.flat = self._part("")
         self._own: list[Block] = []  # sets of the assembly
+        self._has_own_nodes = False
+        self.node_sets: dict[str, list[tuple[str, int]]] = {}
         self._names: set[str] = set()
         self._taken: set[str] = set()
         self.blocks = list(blocks(self.text.content))
@@ -151,9 +155,11 @@ class AbaqusDeck:
                 elif keyword == "END INSTANCE":
                     scope.end, in_assembly = scope.end or lines[0], True
                 elif in_assembly and keyword in ("NSET", "ELSET"):
-                    self._own += [block] * (keyword == "ELSET")
+                    self._own.append(block)
                 elif in_assembly and keyword == "ELEMENT":
                     self.left[f"{type_of(block)} of the assembly"] += len(data)
+                elif in_assembly and keyword == "NODE":
+                    self._has_own_nodes = True
                 elif not in_assembly:
                     self._read_mesh(scope, block)
 
@@ -237,30 +243,40 @@ class AbaqusDeck:
         return number
 
     def _add_own_set(self, block: Block) -> None:
-        """Add a set of the assembly."""
-        name, scope = (
-            block.parameters.get("ELSET", ""),
-            _name(block.parameters, "INSTANCE"),
-        )
-        part = next(
-            (p for p in self._parts.values() if scope in [i.name for i in p.instances]),
-            None,
-        )
-        if not scope or part is None:
+        """Add a set of the assembly with members in one instance."""
+        keyword, name = block.keyword, block.parameters.get(block.keyword, "")
+        scope = _name(block.parameters, "INSTANCE")
+        every = [(p, i) for p in self._parts.values() for i in p.instances]
+        decks = [part.deck for part, instance in every if instance.name == scope]
+        if not scope or not decks:
             return
-        copy = Block("ELSET", {**block.parameters, "ELSET": "OWN"}, *block[2:])
-        del copy.parameters["INSTANCE"]
-        deck = Deck(
-            cells=_SHELLS,
-            blocks=part.deck.blocks,
-            sets=dict(part.deck.sets),
-            spelled=dict(part.deck.spelled),
+        pairs = {k: x for k, x in block.parameters.items() if k != "INSTANCE"}
+        deck = replace(
+            decks[0],
+            sets=dict(decks[0].sets),
+            spelled=dict(decks[0].spelled),
             instance=scope,
-            n_lines=part.deck.n_lines,
         )
-        read_block(deck, copy)
-        members = [(scope, n) for n in deck.sets["ELSET", "OWN"].tolist()]
-        self.sets.setdefault(name, []).extend(members)
+        read_block(deck, Block(keyword, {**pairs, keyword: "OWN"}, *block[2:]))
+        members = [(scope, n) for n in deck.sets[keyword, "OWN"].tolist()]
+        found = self.sets if keyword == "ELSET" else self.node_sets
+        found.setdefault(name, []).extend(members)
+
+    def only(self) -> tuple["_Part", "_Instance"]:
+        """The part and the instance of a deck with one of each.
+
+        Raises
+        ------
+        MeshError
+            If there are several, or nodes of the assembly.
+        """
+        every = [(p, i) for p in self._parts.values() for i in p.instances]
+        with_nodes = [one for one in every if one[0].deck.tags is not None]
+        if len(with_nodes) != 1 or self._has_own_nodes:
+            raise MeshError(
+                "CalculiX reads decks with one instance, and no nodes of the assembly"
+            )
+        return with_nodes[0]
 
     # Layups
 

@@ -197,7 +197,7 @@ def write_part_deck(
         Name of the material of a layer in Abaqus, or its number in OpenRadioss; by
         default the material of the section.
     calculix
-        If true, an Abaqus deck without parts is written for CalculiX too, as
+        If true, an Abaqus deck of one instance is written for CalculiX too, as
         ``NAME_ccx.inp`` in one file: with S8R and S6, and a section for each class of
         0.1°.
 

@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -153,14 +154,47 @@ def test_shells_are_raised_to_quadratic_ones_in_classes(tmp_path):
     assert "\n*ELASTIC, TYPE=LAMINA" not in text
 
 
-def test_decks_with_parts_are_refused_for_calculix(tmp_path):
+def in_assembly(path, angle):
+    """The plate as a part, whose instance is turned about the x axis and moved."""
+    lines = path.read_text().splitlines()
+    first, last = lines.index("*NODE"), lines.index("*MATERIAL, NAME=CFRP")
+    edge = lines.index("*NSET, NSET=EDGE")
+    section = lines.index("*SHELL SECTION, ELSET=SKIN, MATERIAL=CFRP")
+    head, mesh, nodes = lines[:first], lines[first:edge], lines[edge + 1 : section]
+    own = [*head, "*PART, NAME=P", *mesh, *lines[section:last], "*END PART"]
+    own += ["*ASSEMBLY, NAME=A", "*INSTANCE, NAME=P-1, PART=P", "5., 0., 3."]
+    own += [f"0., 0., 0., 1., 0., 0., {angle}", "*END INSTANCE"]
+    own += ["*NSET, NSET=EDGE, INSTANCE=P-1", *nodes, "*END ASSEMBLY", *lines[last:]]
+    path.write_text("\n".join([*own, ""]))
+    return read_part_deck(path)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="requires CalculiX")
+def test_a_moved_instance_vibrates_as_the_plate_itself(tmp_path):
+    plate(tmp_path / "plate.inp", 8)
+    deck = in_assembly(tmp_path / "plate.inp", 90)  # in the plane of x and z
+    flat = woven(deck.mesh, *np.radians([30, 120]))
+    x, y, z = flat.warp
+    turned = {"warp": np.array([x, z, y])}
+    x, y, z = flat.weft
+    turned["weft"] = np.array([x, z, y])
+    fibres = replace(flat, **turned)
+    assert np.abs(deck.mesh.normals()[1]).min() > 1 - 1e-9
+    write_part_deck(tmp_path / "out", deck, fibres, REST, calculix=True)
+    expected = frequency(*np.radians([30, 120]))
+    assert solved(tmp_path / "out") == pytest.approx(expected, rel=0.01)
+
+
+def test_decks_with_several_instances_are_refused_for_calculix(tmp_path):
     path = tmp_path / "a.inp"
     lines = ["*Part, name=P", "*Node", "1, 0, 0, 0", "2, 1, 0, 0", "3, 0, 1, 0"]
     lines += ["*Element, type=S3", "1, 1, 2, 3", "*End Part", "*Assembly, name=A"]
-    lines += ["*Instance, name=I, part=P", "*End Instance", "*End Assembly", ""]
-    path.write_text("\n".join(lines))
+    lines += ["*Instance, name=I, part=P", "*End Instance"]
+    lines += ["*Instance, name=J, part=P", "9., 0., 0.", "*End Instance"]
+    path.write_text("\n".join([*lines, "*End Assembly", ""]))
     deck = read_part_deck(path)
     fibres = woven(deck.mesh, 0.0, np.pi / 2)
-    with pytest.raises(MeshError, match="CalculiX reads decks without"):
+    with pytest.raises(MeshError, match="CalculiX reads decks with one instance"):
         write_part_deck(tmp_path / "out", deck, fibres, 0.5, "M", calculix=True)
     assert not (tmp_path / "out").exists()
