@@ -182,6 +182,8 @@ def test_a_moved_instance_vibrates_as_the_plate_itself(tmp_path):
     fibres = replace(flat, **turned)
     assert np.abs(deck.mesh.normals()[1]).min() > 1 - 1e-9
     write_part_deck(tmp_path / "out", deck, fibres, REST, calculix=True)
+    text = (tmp_path / "out" / "plate_ccx.inp").read_text()
+    assert text.count("\n*NSET, NSET=EDGE\n") == 2  # as before, and new nodes
     expected = frequency(*np.radians([30, 120]))
     assert solved(tmp_path / "out") == pytest.approx(expected, rel=0.01)
 
