@@ -1,7 +1,9 @@
 """Variants of Abaqus decks for CalculiX, which has layers in S8R and S6 alone.
 
 CalculiX ignores ``*DISTRIBUTION`` under shells.  Each class of similar directions and
-thickness has its own section and orientations.
+thickness has its own section and orientations.  Where the thickness changes, CalculiX
+makes nodes rigid, and has no room for those of several layers.  Outer layers without
+stiffness and mass therefore fill all sections to the same thickness.
 """
 
 import re
@@ -20,6 +22,16 @@ from .part_abaqus import AbaqusDeck, Group, first_words, type_of
 
 # Width of classes of directions in degrees, and of classes of relative thickness.
 _CLASS_DEG, _CLASS_THICKNESS = 0.1, 1e-3
+
+# Material of the outer layers: a modulus far below those of fibres and resins (N/mm2),
+# and a density (t/mm3) that makes its own frequencies high.
+_FILLING = "FILLING"
+_FILLING_LINES = (
+    *(f"*MATERIAL, NAME={_FILLING}", "*ELASTIC", "1., 0.", "*DENSITY", "1e-15"),
+)
+
+# Thickness of all sections relative to the thickest ply.
+_FILLED = 1.01
 
 # Keywords of an assembly, which are removed.
 _OF_ASSEMBLY = ("PART", "ASSEMBLY", "INSTANCE")
@@ -89,6 +101,7 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
         own[name] = np.array([n for _, n in pairs])
     for name, members in own.items():
         lines += set_lines("NSET", name, nodes.within(set(members.tolist())))
+    lines += _FILLING_LINES
     for k, group in enumerate(deck.groups(part, set(plies), layup.material)):
         lines += _classes(group, plies, layup, f"CLASS_{k}")
         lines += group.rest_lines(str)
@@ -178,7 +191,7 @@ def _classes(
     members = group.members
     at = np.array([plies[n] for n in members])
     frame = np.vstack([layup.warp, layup.weft, layup.normal])[:, at]
-    thick = layup.thickness[at]
+    thick, whole = layup.thickness[at], _FILLED * float(np.nanmax(layup.thickness))
     steps = np.vstack(
         [frame / np.radians(_CLASS_DEG), np.log(thick) / _CLASS_THICKNESS]
     )
@@ -194,6 +207,9 @@ def _classes(
             yield ", ".join(map(real_word, [*a, *np.cross(normal, a)]))
         yield f"*SHELL SECTION, COMPOSITE, ELSET={name}"
         mean = float(thick[own].mean())
+        filling = f"{real_word(0.5 * (whole - mean))}, , {_FILLING}, {name}P"
+        yield filling
         for family, share in LAYERS:
             axes = f"{name}{'P' if family == WARP else 'F'}"
             yield f"{real_word(mean * share)}, , {group.material}, {axes}"
+        yield filling

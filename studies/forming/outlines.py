@@ -92,8 +92,8 @@ def _mesh(outline: Outline, kind: str, across: int, angle: float) -> Mesh:
     low, high = outline.polygon.min(axis=1), outline.polygon.max(axis=1)
     size = across, across
     if kind == _AROUND:
-        sides = high - low
-        return rectangle(*sides, size, "aligned").translated(low)
+        width, height = (high - low).tolist()
+        return rectangle(width, height, size, "aligned").translated(low)
     if kind == _RUN:
         return quadrilaterals(outline, size)
     if kind == _TRIANGLES:
