@@ -41,6 +41,7 @@ _PICTURES = {
     "formed.png": "Shear angle, fibres and areal weight, with the tools",
     "section.png": "Section through ply and tools at several load factors",
     "tool_force.png": "Force of the tools on the ply over the travel",
+    "pattern.svg": "Flat pattern",
     "fibre_strain.png": "Fibre strain at the last load factor",
     "fibre_directions.png": "Fibre directions at the last load factor",
     "animation.gif": "Shear angle during loading",

@@ -24,7 +24,7 @@ from .fibres import SingularFibre, SingularFibres, singular_fibres
 from .net import Lines, cut_cells, even, graded, net
 from .outline import REST, Outline, by_ring
 from .rings import NEAR
-from .triangles import refuse_narrow_gaps, squares, triangles
+from .triangles import refuse_narrow_gaps, triangles
 
 log = logging.getLogger(__name__)
 
@@ -270,10 +270,37 @@ def quadrilaterals(outline: Outline, size: tuple[int, int]) -> Mesh:
     fixed = np.reshape([*_ends_of_names(outline), *outline.points.values()], (-1, 2)).T
     refuse_narrow_gaps(outline.shape(), float(side.max()))
     shape = shapely.transform(outline.shape(), lambda x: x / side.T)
-    p, t, quads = squares(shape, fixed / side)
+    p, t, quads = _squares(shape, fixed / side)
     p = _exact(np.ascontiguousarray(p * side), outline, [])
     mesh = split_cells(p, (t, quads)) if t.size else MeshQuad(p, quads)
     return _named(mesh, outline, [])
+
+
+def _squares(
+    shape: shapely.Polygon, fixed: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Nodes, (2, n), triangles and unit squares in a polygon, anticlockwise.
+
+    Corners of squares are at whole distances from the corner of its bounding box.
+    """
+    x0, y0, x1, y1 = shape.bounds
+    rows = np.meshgrid(np.arange(x0, x1), np.arange(y0, y1))
+    lattice = np.reshape(rows, (2, -1)).T
+    p, t, *_ = triangles(shape, [], 1.0, fixed, lattice=lattice)
+    at = p - [[x0], [y0]]
+    cell = np.floor(at[:, t].mean(axis=1))
+    corner = at[:, t] - cell[:, None]  # (2, 3, n)
+    in_cell = (np.abs(np.abs(corner - 0.5) - 0.5) < _ROUND_OFF).all(axis=(0, 1))
+    _, number, count = np.unique(
+        cell[:, in_cell], axis=1, return_inverse=True, return_counts=True
+    )
+    half = count[number.ravel()] == 2
+    of_cell = np.unique(number.ravel()[half], return_inverse=True)[1]
+    chosen = np.flatnonzero(in_cell)[half]
+    x, y = np.rint(corner[:, :, chosen]).astype(int)
+    quads = np.empty((4, len(chosen) // 2), dtype=int)
+    quads[np.where(y, 3 - x, x), of_cell] = t[:, chosen]
+    return p, np.delete(t, chosen, axis=1), quads
 
 
 def _ends_of_names(outline: Outline) -> list[ndarray]:

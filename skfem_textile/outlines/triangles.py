@@ -53,8 +53,8 @@ _SIDE = 0.5
 # in practice it ends up to 33.
 _AIM = 25.0
 
-# The same between squares, whose corners do not move: below Ruppert's bound.
-_AIM_BESIDE_SQUARES = 20.0
+# The same beside nodes that do not move: below Ruppert's bound.
+_AIM_BESIDE_LATTICE = 20.0
 
 # Circumradius of a triangle relative to the size above which it is divided; 0.577 for
 # an equilateral triangle of this size.
@@ -107,6 +107,7 @@ def triangles(
     fixed: ndarray | None = None,
     turn: float = 0.0,
     borders: int = 0,
+    lattice: ndarray | None = None,
 ) -> Triangulation:
     """Triangles of a polygon with holes that have given lines as edges.
 
@@ -126,6 +127,9 @@ def triangles(
         Direction of the rows of nodes in radians.
     borders
         Number of the first lines that are borders between regions.
+    lattice
+        Points that become nodes and do not move, except near the outline, in place of
+        rows of nodes, shape (n, 2).
 
     Raises
     ------
@@ -139,77 +143,17 @@ def triangles(
     >>> mesh.points.shape[1] < 180, bool((mesh.line == 0).sum() >= 11)
     (True, True)
     """
-    points = np.empty((2, 0)) if fixed is None else fixed
-    kept = _without_doubles(shape, lines, size, borders)
-    return _Refinement(*_sides(shape, *kept, size, points), size, turn).run()
-
-
-def _sides(
-    shape: shapely.Polygon,
-    lines: list[shapely.LineString],
-    number_of_line: list[int],
-    size: float,
-    fixed: ndarray,
-) -> tuple[ndarray, "_Segments"]:
-    """Nodes and segments of the sides of a polygon and of lines in it."""
     if (n := shape.area / size**2) > _MOST:
         raise ValueError(
             f"the size {size:g} mm would give about {2.3 * n:.1g} triangles: choose a "
             "larger one"
         )
     refuse_narrow_gaps(shape, size)
-    points = np.hstack([fixed, _corners(shape, _SIDE * size)])
-    return _divided(*_chains(shape, lines, number_of_line, size, points), size)
-
-
-def squares(shape: shapely.Polygon, fixed: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """Unit squares in a polygon with holes, and triangles between them and its sides.
-
-    Parameters
-    ----------
-    shape
-        The polygon, in units of the side of the squares; their corners are at whole
-        distances from the lower left corner of its bounding box.
-    fixed
-        Points that become nodes, on the outline or inside, shape (2, n).
-
-    Returns
-    -------
-    points
-        Nodes, shape (2, n).
-    triangles, quadrilaterals
-        Node numbers, anticlockwise, shapes (3, n) and (4, n).
-
-    Raises
-    ------
-    ValueError
-        See `triangles`.
-
-    Examples
-    --------
-    >>> p, triangles, quads = squares(shapely.box(0, 0, 4, 2.5), np.empty((2, 0)))
-    >>> p.shape[1], triangles.shape[1], quads.shape[1]
-    (19, 18, 2)
-    """
-    x0, y0, x1, y1 = shape.bounds
-    rows = np.meshgrid(np.arange(x0, x1), np.arange(y0, y1))
-    corners = np.reshape(rows, (2, -1)).T
-    sides = _sides(shape, [], [], 1.0, fixed)
-    p, t, *_ = _Refinement(*sides, 1.0, corners=corners).run()
-    at = p - [[x0], [y0]]
-    cell = np.floor(at[:, t].mean(axis=1))
-    corner = at[:, t] - cell[:, None]  # (2, 3, n)
-    in_cell = (np.abs(np.abs(corner - 0.5) - 0.5) < _NEAR).all(axis=(0, 1))
-    _, number, count = np.unique(
-        cell[:, in_cell], axis=1, return_inverse=True, return_counts=True
-    )
-    half = count[number.ravel()] == 2
-    of_cell = np.unique(number.ravel()[half], return_inverse=True)[1]
-    chosen = np.flatnonzero(in_cell)[half]
-    x, y = np.rint(corner[:, :, chosen]).astype(int)
-    quads = np.empty((4, len(chosen) // 2), dtype=int)
-    quads[np.where(y, 3 - x, x), of_cell] = t[:, chosen]
-    return p, np.delete(t, chosen, axis=1), quads
+    points = np.empty((2, 0)) if fixed is None else fixed
+    points = np.hstack([points, _corners(shape, _SIDE * size)])
+    kept = _without_doubles(shape, lines, size, borders)
+    p, segments = _divided(*_chains(shape, *kept, size, points), size)
+    return _Refinement(p, segments, size, turn, lattice).run()
 
 
 # Largest area over size².
@@ -520,7 +464,7 @@ class _Refinement:
     """Nodes and segments during the refinement.
 
     Nodes of segments come first; ``chain`` of a node is the chain of its segments, −1
-    for ends of chains, −2 for free nodes, −3 for corners of squares, which stay.
+    for ends of chains, −2 for free nodes, −3 for nodes of a lattice, which stay.
     """
 
     def __init__(
@@ -528,13 +472,13 @@ class _Refinement:
         p: ndarray,
         segments: _Segments,
         size: float,
-        turn: float = 0.0,
-        corners: ndarray | None = None,
+        turn: float,
+        lattice: ndarray | None,
     ) -> None:
         self._p, self._size, self._of = p, size, segments
         self._s, self._chain_of_s = segments.ends, segments.chain
         self._line = segments.line
-        self._aim = _AIM if corners is None else _AIM_BESIDE_SQUARES
+        self._aim = _AIM if lattice is None else _AIM_BESIDE_LATTICE
         self._acute = np.zeros(len(p), dtype=bool)
         self._acute[: len(segments.acute)] = segments.acute
         self._chain = np.full(len(p), -1)
@@ -547,10 +491,10 @@ class _Refinement:
         if self._shape.is_empty:
             raise ValueError("the lines of the outline do not close")
         shapely.prepare(self._shape)
-        if corners is None:
-            self._add_lattice(turn)
+        if lattice is None:
+            self._add_rows(turn)
         else:
-            self._add(corners[shapely.contains_xy(self._shape, *corners.T)], -3)
+            self._add(lattice[shapely.contains_xy(self._shape, *lattice.T)], -3)
         self._drop_close(_CLEARANCE)
 
     def run(self) -> Triangulation:
@@ -571,7 +515,7 @@ class _Refinement:
             self._line,
         )
 
-    def _add_lattice(self, turn: float) -> None:
+    def _add_rows(self, turn: float) -> None:
         x0, y0, x1, y1 = self._shape.bounds
         radius = np.hypot(x1 - x0, y1 - y0) / 2 + self._size
         n = int(np.ceil(radius / self._size / np.sqrt(0.75)))
