@@ -153,7 +153,19 @@ def triangles(
     points = np.hstack([points, _corners(shape, _SIDE * size)])
     kept = _without_doubles(shape, lines, size, borders)
     p, segments = _divided(*_chains(shape, *kept, size, points), size)
-    return _Refinement(p, segments, size, turn, lattice).run()
+    inner = _rows(shape, size, turn) if lattice is None else lattice
+    return _Refinement(p, segments, size).run(inner, moves=lattice is None)
+
+
+def _rows(shape: shapely.Polygon, size: float, turn: float) -> ndarray:
+    """Nodes of equilateral triangles around a polygon, shape (n, 2)."""
+    x0, y0, x1, y1 = shape.bounds
+    n = int(np.ceil((np.hypot(x1 - x0, y1 - y0) / 2 / size + 1) / np.sqrt(0.75)))
+    i, j = np.meshgrid(np.arange(-n, n + 1), np.arange(-n, n + 1))
+    x = size * ((i + 0.5 * (j % 2)) + 1j * np.sqrt(0.75) * j).ravel()
+    # Qhull prefers points that are not on common circles.
+    x = x * np.exp(1j * turn) + size * 1e-3 * np.exp(1j * np.arange(x.size) ** 2)
+    return np.stack([x.real + (x0 + x1) / 2, x.imag + (y0 + y1) / 2], axis=1)
 
 
 # Largest area over size².
@@ -467,18 +479,10 @@ class _Refinement:
     for ends of chains, −2 for free nodes, −3 for nodes of a lattice, which stay.
     """
 
-    def __init__(
-        self,
-        p: ndarray,
-        segments: _Segments,
-        size: float,
-        turn: float,
-        lattice: ndarray | None,
-    ) -> None:
+    def __init__(self, p: ndarray, segments: _Segments, size: float) -> None:
         self._p, self._size, self._of = p, size, segments
         self._s, self._chain_of_s = segments.ends, segments.chain
         self._line = segments.line
-        self._aim = _AIM if lattice is None else _AIM_BESIDE_LATTICE
         self._acute = np.zeros(len(p), dtype=bool)
         self._acute[: len(segments.acute)] = segments.acute
         self._chain = np.full(len(p), -1)
@@ -491,14 +495,12 @@ class _Refinement:
         if self._shape.is_empty:
             raise ValueError("the lines of the outline do not close")
         shapely.prepare(self._shape)
-        if lattice is None:
-            self._add_rows(turn)
-        else:
-            self._add(lattice[shapely.contains_xy(self._shape, *lattice.T)], -3)
-        self._drop_close(_CLEARANCE)
 
-    def run(self) -> Triangulation:
-        """Smooth and refine."""
+    def run(self, inner: ndarray, moves: bool) -> Triangulation:
+        """Add inner nodes, which may move, shape (n, 2), smooth and refine."""
+        self._aim = _AIM if moves else _AIM_BESIDE_LATTICE
+        self._add(inner, -2 if moves else -3)
+        self._drop_close(_CLEARANCE)
         for _ in range(_SMOOTHING):
             self._smooth()
         for _ in range(_MOST_ROUNDS):
@@ -514,18 +516,6 @@ class _Refinement:
             np.searchsorted(used, self._s).T,
             self._line,
         )
-
-    def _add_rows(self, turn: float) -> None:
-        x0, y0, x1, y1 = self._shape.bounds
-        radius = np.hypot(x1 - x0, y1 - y0) / 2 + self._size
-        n = int(np.ceil(radius / self._size / np.sqrt(0.75)))
-        i, j = np.meshgrid(np.arange(-n, n + 1), np.arange(-n, n + 1))
-        u, v = self._size * (i + 0.5 * (j % 2)), self._size * np.sqrt(0.75) * j
-        x = (u + 1j * v).ravel() * np.exp(1j * turn)
-        # Qhull prefers points that are not on common circles.
-        x += self._size * 1e-3 * np.exp(1j * np.arange(len(x)) ** 2)
-        q = np.stack([x.real + (x0 + x1) / 2, x.imag + (y0 + y1) / 2], axis=1)
-        self._add(q[shapely.contains_xy(self._shape, *q.T)], -2)
 
     def _add(self, q: ndarray, chain: ndarray | int) -> None:
         self._p = np.concatenate([self._p, q])
@@ -648,15 +638,9 @@ class _Refinement:
         q = q[accepted]
         middle = self._p[self._s].mean(axis=1)
         half = np.linalg.norm(np.diff(self._p[self._s], axis=1)[:, 0], axis=1) / 2
-        within = np.zeros(len(q), dtype=bool)
-        halved = np.zeros(len(half), dtype=bool)
-        for i in range(0, len(q), 500):
-            gap = np.linalg.norm(q[i : i + 500, None] - middle, axis=2)
-            near = gap < half * (1 - 1e-9)
-            within[i : i + 500] = near.any(axis=1)
-            halved |= near.any(axis=0)
-        halved &= half > _FINEST * self._size
-        q = q[~within]
+        near = KDTree(q).query_ball_point(middle, half * (1 - 1e-9))
+        halved = near.astype(bool) & (half > _FINEST * self._size)
+        q = np.delete(q, np.unique(np.concatenate(near).astype(int)), axis=0)
         q = q[shapely.contains_xy(self._shape, *q.T)]
         self._add(q, -2)
         return self._halve(np.flatnonzero(halved)) or len(q) > 0
@@ -681,7 +665,7 @@ class _Refinement:
         return result
 
     def _refuse_missing(self, t: ndarray) -> None:
-        sides = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+        sides = t[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         missing = ~np.isin(self._keys(self._s), self._keys(sides))
         if missing.any():
             where = coords(self._p[self._s[missing.argmax()]].mean(axis=0))
@@ -691,9 +675,7 @@ class _Refinement:
 def _apart(q: ndarray, radius: ndarray) -> ndarray:
     """True for a subset of points whose distances exceed the smaller radius."""
     accepted = np.ones(len(q), dtype=bool)
-    tree = KDTree(q)
-    for i, near in enumerate(tree.query_ball_point(q, radius)):
+    for i, near in enumerate(KDTree(q).query_ball_point(q, radius)):
         if accepted[i]:
-            later = [j for j in near if j > i]
-            accepted[later] = False
+            accepted[[j for j in near if j > i]] = False
     return accepted
