@@ -26,8 +26,8 @@ def smallest_gap(
 ) -> SmallestGap | None:
     """Smallest gap at all nodes, edge midpoints and element centres of a ply.
 
-    Contact is a constraint at nodes: between them the ply may penetrate the tool.  None
-    if the tool does not reach the ply.
+    Elements lie on the tool in the mean: their centres may penetrate it, or nodes where
+    it is concave.  None if the tool does not reach the ply.
 
     Parameters
     ----------
@@ -85,7 +85,9 @@ def tool_pressure(ply: Ply, tool: Pressing, state: State) -> ndarray:
         Shape (n_nodes,).  It is linear between the corners of the user's elements, and
         work-equivalent to the contact forces, see `drape.contact_pressure`.
     """
-    return pressure_of(ply, state.u, _forces(tool, state))
+    _refuse_other(tool, state)
+    f = tool.residual(state.u, state.load_factor, state.parameters[tool.name])
+    return pressure_of(ply, state.u, np.linalg.norm(f.reshape(-1, 3), axis=1))
 
 
 def touching(ply: Ply, contact: ToolContact, state: State) -> ndarray:
@@ -107,13 +109,14 @@ def nodes_in_contact(tool: Pressing, state: State) -> int:
 
 def _in_contact(tool: Pressing, state: State) -> ndarray:
     """Nodes on which a tool or holder presses: bool, shape (n_nodes,)."""
-    force = _forces(tool, state)
+    _refuse_other(tool, state)
+    force = tool.forces(state.u, state.load_factor, state.parameters[tool.name])
     return np.asarray(force > NO_FORCE * force.max())
 
 
 def _refuse_other(tool: Pressing, state: State) -> None:
     """Refuse a state of a ply without the tool, or of another mesh."""
-    if tool.name not in state.parameters or state.u.size != 3 * tool.nodes.size:
+    if tool.name not in state.parameters or state.u.size != 3 * tool.nodes.shape[1]:
         raise ValueError(
             f"the state is of another ply than the tool {tool.name!r}: use a state "
             "of the ply with this tool"
@@ -140,11 +143,6 @@ def turn_on_tool(ply: Ply, contact: ToolContact, state: State) -> ndarray:
     within = np.isfinite(contact.gaps_at(x, t))[corners].all(axis=0)
     counted = touching(ply, contact, state) & within
     turn = np.zeros(ply.mesh.nelements)
-    turn[counted] = largest_turn(contact.normals(u, t)[:, corners[:, counted]])
+    normals = contact.normals_at(x, t)
+    turn[counted] = largest_turn(normals[:, corners[:, counted]])
     return turn
-
-
-def _forces(tool: Pressing, state: State) -> ndarray:
-    """Normal forces on nodes in N, shape (n_nodes,)."""
-    _refuse_other(tool, state)
-    return tool.forces(state.u, state.load_factor, state.parameters[tool.name])

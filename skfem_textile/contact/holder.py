@@ -15,12 +15,7 @@ from ..ply import Ply
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ElementTerm
 from ..solve.on_surface import CheckedSurface
-from .obstacle import (
-    Obstacle,
-    ToolContact,
-    nodal_matrix,
-    placement,
-)
+from .obstacle import ContactPoints, Obstacle, ToolContact, placement
 
 # Number of load factors at which a gap or pressure is validated before a run: every
 # 2.5 % of it.
@@ -37,8 +32,10 @@ class _PressedAreas(TermParameters):
     undeformed area that is within the outline at its present position.
     """
 
-    def __init__(self, obstacle: Obstacle, basis: CellBasis) -> None:
-        self._outline = obstacle.outline
+    def __init__(
+        self, obstacle: Obstacle, basis: CellBasis, points: ContactPoints
+    ) -> None:
+        self._outline, self._points = obstacle.outline, points
         self._obstacle = replace(obstacle, outline=None)
         self._mesh, self._nodes = basis.mesh, basis.element_dofs[::3] // 3
         shapes = [np.asarray(basis.basis[i][0])[0] for i in range(0, basis.Nbfun, 3)]
@@ -63,7 +60,7 @@ class _PressedAreas(TermParameters):
             areas = areas * shares_inside(self._outline, self._mesh, corners)
         areas = np.bincount(self._nodes.ravel(), areas.ravel(), x.shape[1])
         nodes = np.flatnonzero(areas)
-        at = obstacle.gaps(x[:, nodes], t)
+        at = obstacle.gaps(self._points.positions(u)[:, nodes], t)
         areas[nodes] *= np.isfinite(at.gap) / at.slope
         return Values({"areas": areas})
 
@@ -71,7 +68,8 @@ class _PressedAreas(TermParameters):
 class HolderPressure(ElementTerm):
     """Uniform pressure of a holder towards a surface; see `Holder`.
 
-    The energy is Σ p A φ/‖∇φ‖ over the nodes, with their areas A under the holder.
+    The energy is Σ p A φ/‖∇φ‖ over the contact points of the nodes, with the areas A of
+    the nodes under the holder.
     """
 
     role = "load"
@@ -84,9 +82,12 @@ class HolderPressure(ElementTerm):
         basis: CellBasis,
     ) -> None:
         self.name, self._pressure, self._obstacle = name, pressure, obstacle
-        self.nodes = np.arange(obstacle.X.shape[1])[None]
+        self._points = ContactPoints(obstacle.X, basis)
+        self.nodes = self._points.nodes
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
-        self.parameters = self._pressed_areas = _PressedAreas(obstacle, basis)
+        self.parameters = self._pressed_areas = _PressedAreas(
+            *(obstacle, basis, self._points)
+        )
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
@@ -96,21 +97,21 @@ class HolderPressure(ElementTerm):
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Forces towards the surface."""
         nodes, factors, rotation, local = self._nodes_under(u, t, p)
-        f = np.zeros((self.nodes.size, 3))
+        f = np.zeros((self.nodes.shape[1], 3))
         f[nodes] = (factors * (rotation @ self._surface.gradient(local))).T
-        return f.ravel()
+        return self._points.nodal(f)
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """Their derivative: nodal blocks, shape (1, 3, 3, n_nodes)."""
+        """Their derivative, see `Pattern.sum`."""
         nodes, factors, rotation, local = self._nodes_under(u, t, p)
-        K = np.zeros((3, 3, self.nodes.size))
+        K = np.zeros((3, 3, self.nodes.shape[1]))
         H = factors * self._surface.hessian(local)
         K[..., nodes] = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
-        return K[None]
+        return self._points.matrices(K)
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
         """Derivative of the residual."""
-        return nodal_matrix(self.matrices(u, t, p))
+        return self._points.tangent(self.matrices(u, t, p))
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Forces towards the surface in N, shape (n_nodes,)."""
@@ -135,7 +136,7 @@ class HolderPressure(ElementTerm):
         obstacle, nodes = self._obstacle, np.flatnonzero(p["areas"])
         factors = obstacle.side * self._pressure(t) * p["areas"][nodes]
         rotation, translation = placement(obstacle.what, obstacle.motion, t)
-        x = obstacle.X[:, nodes] + u.reshape(-1, 3)[nodes].T
+        x = self._points.positions(u)[:, nodes]
         return nodes, factors, rotation, rotation.T @ (x - translation[:, None])
 
 

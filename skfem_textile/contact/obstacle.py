@@ -1,10 +1,11 @@
 """Rigid tools that move with the load factor, in frictionless contact with a ply.
 
 A tool is an obstacle: a surface φ = 0, moved rigidly, and the side of it on which the
-ply lies.  The gap of a node at x is g = ±φ/‖∇φ‖ less half the thickness, the distance
-to first order.  Contact is enforced at the nodes, by forces that are multipliers of g ≥
-0, see `ContactTerm`.  Each node counts with the integral of its shape function: the
-corners of quadratic triangles, whose integral vanishes, touch no tool.
+ply lies.  The gap of a point x is g = ±φ/‖∇φ‖ less half the thickness, the distance to
+first order.  Contact is enforced at the contact points of the nodes (`contact_points`),
+by forces that are multipliers of g ≥ 0, see `ContactTerm`.  Each node counts with the
+integral of its shape function: the corners of quadratic triangles, whose integral
+vanishes, touch no tool.
 """
 
 from collections.abc import Callable
@@ -14,10 +15,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
-from scipy.sparse import bsr_matrix, csr_matrix
-from skfem import CellBasis, LinearForm, Mesh, asm
+from scipy.sparse import csr_matrix, identity
+from skfem import CellBasis, ElementQuad1, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
+from ..mesh.pattern import Pattern
+from ..mesh.recovery import contact_points, nodes_and_normal
 from ..mesh.user_input import call_user_function, coords, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm
@@ -357,11 +360,65 @@ def node_areas(basis: CellBasis) -> ndarray:
     return asm(LinearForm(lambda v, w: v[0]), basis)[:: components(basis)]
 
 
-def nodal_matrix(blocks: ndarray) -> csr_matrix:
-    """Matrix of blocks on the diagonal, one per node, shape (1, 3, 3, n_nodes)."""
-    n = blocks.shape[-1]
-    data = np.ascontiguousarray(np.moveaxis(blocks[0], 2, 0)), np.arange(n)
-    return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
+class ContactPoints:
+    """Contact points of the nodes of a ply, see `contact_points`.
+
+    Parameters
+    ----------
+    X
+        Nodes of the undeformed ply in mm, shape (3, n_nodes).
+    basis
+        Basis of the displacement.
+
+    Attributes
+    ----------
+    matrix
+        Weights of the nodes at each contact point, shape (n_nodes, n_nodes).
+    nodes
+        Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
+    """
+
+    def __init__(self, X: ndarray, basis: CellBasis) -> None:
+        mesh, mirrors = basis.mesh, getattr(basis, "mirrors", ())
+        self._X, self.matrix = X, csr_matrix(identity(X.shape[1]))
+        if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]
+            self.matrix = contact_points(mesh, mirrors)
+        self.nodes, self._weights = _padded(self.matrix)
+        self._mirrors = [nodes_and_normal(mesh, edges) for edges in mirrors]
+
+    def positions(self, u: ndarray) -> ndarray:
+        """Positions at a displacement in mm, shape (3, n_nodes)."""
+        u = u.reshape(-1, 3)
+        x = self._X + (self.matrix @ u).T
+        for nodes, N in self._mirrors:  # they remain on planes of symmetry
+            off = x[:2, nodes] - self._X[:2, nodes] - u[nodes, :2].T
+            x[:2, nodes] -= np.outer(N, N @ off)
+        return x
+
+    def nodal(self, f: ndarray) -> ndarray:
+        """DOF vector of forces on the contact points, shape (n_nodes, 3)."""
+        return np.ravel(self.matrix.T @ f)
+
+    def matrices(self, K: ndarray) -> ndarray:
+        """Arguments of `Pattern.sum` for blocks at the points, shape (3, 3, n_nodes)."""
+        one, other = self._weights[np.array(np.triu_indices(len(self.nodes)))]
+        return (one * other)[:, None, None] * K
+
+    def tangent(self, matrices: ndarray) -> csr_matrix:
+        """Assembled ``matrices``."""
+        pattern = Pattern(3, self._X.shape[1], [self.nodes])
+        return pattern.matrix(pattern.sum([matrices]))
+
+
+def _padded(points: csr_matrix) -> tuple[ndarray, ndarray]:
+    """Nodes in the rows of a matrix and their weights, each (n, n_rows).
+
+    Shorter rows are padded with their first node and zero weights.
+    """
+    size = np.diff(points.indptr)
+    within = np.arange(size.max())[:, None]
+    at = points.indptr[:-1] + np.where(within < size, within, 0)
+    return points.indices[at], np.where(within < size, points.data[at], 0.0)
 
 
 class _ContactForces(TermParameters):
@@ -372,7 +429,7 @@ class _ContactForces(TermParameters):
 
     def at_rest(self) -> Values:
         """No contact."""
-        zero = np.zeros(self._contact.nodes.size)
+        zero = np.zeros(self._contact.areas.size)
         return Values({"force": zero, "stiffness": zero})
 
     def updated(
@@ -384,20 +441,21 @@ class _ContactForces(TermParameters):
 
 
 class ToolContact(ContactTerm):
-    """Contact of the nodes of a ply with a `Tool`.
+    """Contact of a ply with a `Tool`.
 
     Attributes
     ----------
     nodes
-        Numbers of all nodes, shape (1, n_nodes).
+        Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
     areas
         Integral of the shape function of each node in mm², shape (n_nodes,).
     """
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
         self.name, self._obstacle = name, obstacle
-        self.nodes = np.arange(obstacle.X.shape[1])[None]
         self.areas = node_areas(basis)
+        self._points = ContactPoints(obstacle.X, basis)
+        self.points, self.nodes = self._points.matrix, self._points.nodes
         self._takes_part = self.areas > ROUND_OFF * self.areas.max()
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
@@ -435,6 +493,10 @@ class ToolContact(ContactTerm):
         """See `ContactTerm.gaps_at`."""
         return self._obstacle.gaps(x, t).gap
 
+    def normals_at(self, x: ndarray, t: float) -> ndarray:
+        """Unit normals of the tool at points, shape (3, n)."""
+        return self._obstacle.gaps(x, t).normal
+
     def normals(self, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.normals`."""
         return self._at(u, t).normal
@@ -470,10 +532,10 @@ class ToolContact(ContactTerm):
             nodes = np.flatnonzero(force)
             normal, _ = self._obstacle.derivatives(self._at(u, t), nodes, t)
             f[nodes] = -(force[nodes] * normal).T
-        return f.ravel()
+        return self._points.nodal(f)
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
-        """κ ∇g∇gᵀ − λ∇²g of the nodes that touch, shape (1, 3, 3, n_nodes)."""
+        """κ ∇g∇gᵀ − λ∇²g of the points that touch, see `Pattern.sum`."""
         kappa = p["stiffness"]
         if not kappa.any():
             return None
@@ -483,12 +545,12 @@ class ToolContact(ContactTerm):
             normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
             K[..., nodes] = kappa[nodes] * normal[:, None] * normal
             K[..., nodes] -= p["force"][nodes] * H
-        return K[None]
+        return self._points.matrices(K)
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
         """Derivative of the residual at forces λ."""
-        blocks = self.matrices(u, t, p)
-        return None if blocks is None else nodal_matrix(blocks)
+        matrices = self.matrices(u, t, p)
+        return None if matrices is None else self._points.tangent(matrices)
 
     def passed(self, u_0: ndarray, t_0: float, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.passed`.
@@ -514,10 +576,10 @@ class ToolContact(ContactTerm):
         return placement(self._obstacle.what, self._obstacle.motion, t)
 
     def _at(self, u: ndarray, t: float) -> Gaps:
-        """Gaps of the nodes at a displacement; the last evaluation is kept."""
+        """Gaps of the contact points at a displacement; the last one is kept."""
         last_u, last_t, last = self._last
         if last is not None and t == last_t and np.array_equal(u, last_u):
             return last
-        gaps = self._obstacle.gaps(self._obstacle.X + u.reshape(-1, 3).T, t)
+        gaps = self._obstacle.gaps(self._points.positions(u), t)
         self._last = u.copy(), t, gaps
         return gaps

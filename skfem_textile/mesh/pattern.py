@@ -135,6 +135,34 @@ class Pattern:
         slots = (d * block + i[inside]) * d + j[inside]
         return _Added(K, slots, inside, below[~known])
 
+    def congruence(self, points: csr_matrix) -> csr_matrix:
+        """Matrix C from blocks D at points to the blocks of Σ_k w_kᵀ D_k w_k.
+
+        Parameters
+        ----------
+        points
+            Weights w of the nodes at each point, shape (n_points, n_nodes).
+
+        Returns
+        -------
+        scipy.sparse.csr_matrix
+            Shape (n_blocks, n_points).  Pairs of nodes outside the pattern are omitted.
+        """
+        pairs = points.tocoo()
+        both = csr_matrix(
+            (np.ones(pairs.nnz), (np.arange(pairs.nnz), pairs.row))
+        )
+        one, other = (both @ both.T).nonzero()
+        row, col = pairs.col[one].astype(np.int64), pairs.col[other]
+        below = row >= col
+        one, other = one[below], other[below]
+        key = row[below] * self.n_nodes + col[below]
+        block = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
+        inside = self._keys[block] == key
+        weights = (pairs.data[one] * pairs.data[other])[inside]
+        at = block[inside], pairs.row[one][inside]
+        return csr_matrix((weights, at), (len(self._keys), points.shape[0]))
+
     def matrix(self, blocks: ndarray) -> csr_matrix:
         """Assembled matrix."""
         K = self._whole

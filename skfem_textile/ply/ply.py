@@ -131,6 +131,10 @@ class Ply(SumOfTerms):
         self.fabric = fabric = fabric_on(self.parent, fabric)
         self.formulation = formulation
         self.fibre_ends = checked_ends(mesh, fibre_ends or {})
+        basis: Any = self.basis
+        basis.mirrors = [
+            mesh.boundaries[x] for x, end in self.fibre_ends.items() if end == "mirror"
+        ]
         check_laws(fabric.at(), self.basis.dx.shape)
         self.nodes = node_positions(self.basis)
         self.fine_points = formulation.fine_points

@@ -131,16 +131,23 @@ STIFFNESS_OF_GAP = 1e-12
 
 
 class ContactTerm(ElementTerm):
-    """Contact of nodes with a tool that moves with the load factor.
+    """Contact of a ply with a tool that moves with the load factor.
 
     Contact forces λ ≥ 0 and gaps g ≥ 0 with λ g = 0 satisfy λ = max(λ − κ g, 0) for any
     κ > 0: they are a stationary point of the augmented Lagrangian Σ (max(λ − κ g, 0)² −
     λ²)/2κ.  A derived class defines the gaps, and the parameter values ``force`` and
     ``stiffness``, λ in N and κ in N/mm of each node, shape (n_nodes,).  There is no
     contact with κ = 0.
+
+    Attributes
+    ----------
+    points
+        Weights with which the nodes determine the contact point of each node, at which
+        the gap is evaluated, shape (n_nodes, n_nodes); see `contact_points`.
     """
 
     role = "load"
+    points: csr_matrix
 
     @staticmethod
     def check(ply: Any, moved: bool) -> None:
@@ -156,7 +163,7 @@ class ContactTerm(ElementTerm):
         return {}
 
     def gaps(self, u: ndarray, t: float) -> ndarray:
-        """Distances g of the nodes from the tool in mm, shape (n_nodes,).
+        """Distances g of the contact points from the tool in mm, shape (n_nodes,).
 
         Infinite for nodes that the tool cannot touch.
         """
@@ -167,7 +174,7 @@ class ContactTerm(ElementTerm):
         raise NotImplementedError
 
     def normals(self, u: ndarray, t: float) -> ndarray:
-        """Unit normals of the tool at the nodes, shape (3, n_nodes)."""
+        """Unit normals of the tool at the contact points, shape (3, n_nodes)."""
         raise NotImplementedError
 
     def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
+from scipy.sparse import csr_matrix
 
 from ..ply.parameters import Frozen, PlyParameters, Values
 from ..ply.terms import STIFFNESS_OF_GAP
@@ -158,7 +159,10 @@ class ActiveSet(Direction):
         f, K, far = *self._without_contact(at), at.unbalanced(problem) > NEAR
         u, predicted = at.u, at.contact_forces
         gaps = [
-            _LinearGap(x.gaps(u, t), x.normals(u, t), p[x.name], predicted[x.name])
+            _LinearGap(
+                *(x.points, x.gaps(u, t), x.normals(u, t)),
+                *(p[x.name], predicted[x.name]),
+            )
             for x in problem.contacts
         ]
         shift, projected = 0.0, False
@@ -217,9 +221,9 @@ class ActiveSet(Direction):
         self, u: ndarray, K: ndarray, gaps: "list[_LinearGap]", shift: float
     ) -> Tangent | None:
         """Tangent with a shift relative to κ; None if it is not positive definite."""
-        blocks = K.copy()
-        for gap in gaps:
-            blocks[self._nodes] += gap.stiffness()
+        every = np.arange(len(self._nodes))
+        stiffness = sum(gap.stiffness() for gap in gaps)
+        blocks = K + self._problem.at_points(np.asarray(stiffness), every)
         blocks[self._nodes] += shift * gaps[0].kappa * np.eye(3)
         try:
             tangent = Tangent(self._problem, u, blocks)
@@ -247,11 +251,13 @@ class ActiveSet(Direction):
 
 @dataclass
 class _LinearGap:
-    """Linearised gap g + n·Δu of all nodes, with λ, κ, and forces max(λ − κ g, 0).
+    """Linearised gap g + n·PΔu of all nodes, with λ, κ, and forces max(λ − κ g, 0).
 
-    Shapes (n_nodes,), and (3, n_nodes) of the normals.
+    Shapes (n_nodes,), (3, n_nodes) of the normals, and (n_nodes, n_nodes) of the
+    matrix P to the contact points.
     """
 
+    points: csr_matrix
     gap: ndarray
     normal: ndarray
     p: Values
@@ -265,7 +271,7 @@ class _LinearGap:
     def residual(self) -> ndarray:
         """Nodal forces −(λ − κ g) n of the active nodes."""
         force = np.where(self.force > 0, self.p["force"] - self.kappa * self.gap, 0.0)
-        return np.ravel(-(force * self.normal).T)
+        return np.ravel(self.points.T @ -(force * self.normal).T)
 
     def stiffness(self) -> ndarray:
         """Contact stiffness κ n nᵀ, reduced at open gaps, shape (n_nodes, 3, 3)."""
@@ -278,7 +284,8 @@ class _LinearGap:
 
         Returns the largest force of a node that touches or leaves, in N.
         """
-        before, gap = self.force > 0, self.gap + (self.normal * du).sum(axis=0)
+        moved = (self.points @ du.T).T
+        before, gap = self.force > 0, self.gap + (self.normal * moved).sum(axis=0)
         force = self.p["force"] - self.kappa * gap
         self.force = np.maximum(force, 0.0)
         return float(np.abs(force[before != (force > 0)]).max(initial=0.0))

@@ -82,18 +82,22 @@ def response(
     u, t, at = state.u, state.load_factor, problem.contacts
     stiffness = {x.name: state.parameters[x.name]["stiffness"] for x in at}
     normals = {x.name: x.normals(u, t) for x in at}
+    points = {x.name: x.points for x in at}
     touch = {x.name: x.forces(u, t, state.parameters[x.name]) > 0 for x in at}
     rest = np.zeros(len(u) // len(problem.nodal(u)))
     target = {name: (depths or {}).get(name, rest) * on for name, on in touch.items()}
     pushed = target
     for _ in range(_UPDATES if at else 1):
         of_tools = sum(
-            (stiffness[name] * far * normals[name]).T.ravel()
+            np.ravel(points[name].T @ (stiffness[name] * far * normals[name]).T)
             for name, far in pushed.items()
         )
         moved, after = tangent.response(motion + 0.0 * u, forces - of_tools)
         found = Response(moved, after, pushed)
-        off = {k: (n * problem.nodal(moved)).sum(axis=0) for k, n in normals.items()}
+        off = {
+            k: (n * (points[k] @ problem.nodal(moved).T).T).sum(axis=0)
+            for k, n in normals.items()
+        }
         pushed = {k: x + (target[k] - off[k]) * touch[k] for k, x in pushed.items()}
     return found
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
@@ -259,6 +259,8 @@ class Problem:
     def at(self, load_factor: float, propping: ndarray | float = 0.0) -> "Problem":
         """The same problem, with the same clock, at another load factor."""
         _ = self.system, self._size  # so that both share them
+        if self.contacts:
+            _ = self._of_points
         other = copy(self)
         other.load_factor, other.propping = load_factor, propping
         return other
@@ -355,11 +357,24 @@ class Problem:
         """Tangent blocks less λ∇²g, with contact forces λ of shape (n_nodes,)."""
         if forces is None or not np.any(forces):
             return blocks
-        nodes, blocks = np.flatnonzero(forces), blocks.copy()
+        nodes = np.flatnonzero(forces)
         curvatures = constraint.curvatures(u, self.load_factor, nodes)
-        diagonal = self.ply.pattern.diagonal[nodes]
-        blocks[diagonal] -= (np.asarray(forces)[nodes] * curvatures).T
+        curvatures = (np.asarray(forces)[nodes] * curvatures).T
+        if isinstance(constraint, ContactTerm):
+            return blocks - self.at_points(curvatures, nodes)
+        blocks = blocks.copy()
+        blocks[self.ply.pattern.diagonal[nodes]] -= curvatures
         return blocks
+
+    def at_points(self, blocks: ndarray, nodes: ndarray) -> ndarray:
+        """Tangent blocks of blocks at the contact points of nodes, (n, 3, 3)."""
+        of_points = self._of_points[:, nodes]
+        return np.asarray(of_points @ blocks.reshape(-1, 9)).reshape(-1, 3, 3)
+
+    @cached_property
+    def _of_points(self) -> csc_matrix:
+        """Matrix from blocks at contact points, the same of all tools, to the tangent's."""
+        return csc_matrix(self.ply.pattern.congruence(self.contacts[0].points))
 
     def around(self, u: ndarray) -> ndarray:
         """Elements at the node where a DOF vector is largest."""

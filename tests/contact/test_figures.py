@@ -5,6 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import spsolve
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -147,7 +149,17 @@ def test_penetration_between_nodes_is_the_sagitta(formulation):
     corners = ply.mesh.p[:, ply.mesh.t[:, least.element]]
     at = R * np.arcsin(least.place[0] / (R + least.gap))
     assert corners[0].min() <= at <= corners[0].max()
-    assert np.abs(contact.gaps(state.u, 1.0)).max() < 1e-12
+    assert np.abs(contact.gaps_at(ply.positions(state.u), 1.0)).max() < 1e-12
+
+
+@pytest.mark.parametrize("formulation", [Macro(), Full()])
+def test_contact_points_are_at_the_mean_depth_of_elements(formulation):
+    """h²/12R below nodes on a cylinder, two thirds of the depth between nodes."""
+    ply, contact, state = on_cylinder(formulation)
+    inside = np.setdiff1d(np.arange(ply.mesh.nvertices), ply.mesh.boundary_nodes())
+    side = np.ptp(ply.mesh.p[0, ply.mesh.t], axis=0).max()
+    depth = -contact.gaps(state.u, 1.0)[inside]
+    assert depth == pytest.approx(side**2 / (12 * R), rel=0.02)
 
 
 def test_quadratic_plies_are_checked_at_nodes_without_contact():
@@ -174,7 +186,8 @@ def test_contact_pressure_is_per_current_area(formulation):
     plane = Tool(drape.Plane((0, 0, 0)), side=1, name="plane")
     ply = square(formulation, [plane])
     (contact,) = contacts(ply)
-    values = {"force": 0.02 * contact.areas, "stiffness": np.ones(ply.nodes.shape[1])}
+    force = spsolve(csc_matrix(contact.points.T), 0.02 * contact.areas)
+    values = {"force": force, "stiffness": np.ones(ply.nodes.shape[1])}
     state = replace(
         FLAT,
         u=moved(ply, lambda x, y: (1.1 * x, y, 0)),
@@ -199,7 +212,7 @@ def test_turn_of_a_tool_under_an_element(n):
 def test_elements_that_do_not_touch_have_no_turn():
     ply, contact, state = on_cylinder()
     force = np.where(ply.nodes[0] < 15, 1.0, 0.0)
-    stiffness = 1e-6 * np.ones_like(force)
+    stiffness = 1e-20 * np.ones_like(force)
     values = Values({"force": force, "stiffness": stiffness})
     state = replace(state, parameters={**ply.parameters_at_rest, contact.name: values})
     turned = turn_on_tool(ply, contact, state) > 0
