@@ -85,9 +85,10 @@ def tool_pressure(ply: Ply, tool: Pressing, state: State) -> ndarray:
         Shape (n_nodes,).  It is linear between the corners of the user's elements, and
         work-equivalent to the contact forces, see `drape.contact_pressure`.
     """
-    _refuse_other(tool, state)
-    f = tool.residual(state.u, state.load_factor, state.parameters[tool.name])
-    return pressure_of(ply, state.u, np.linalg.norm(f.reshape(-1, 3), axis=1))
+    force = _forces(tool, state)
+    if isinstance(tool, ToolContact):
+        force = np.maximum(tool.points.T @ force, 0.0)
+    return pressure_of(ply, state.u, force)
 
 
 def touching(ply: Ply, contact: ToolContact, state: State) -> ndarray:
@@ -109,9 +110,14 @@ def nodes_in_contact(tool: Pressing, state: State) -> int:
 
 def _in_contact(tool: Pressing, state: State) -> ndarray:
     """Nodes on which a tool or holder presses: bool, shape (n_nodes,)."""
-    _refuse_other(tool, state)
-    force = tool.forces(state.u, state.load_factor, state.parameters[tool.name])
+    force = _forces(tool, state)
     return np.asarray(force > NO_FORCE * force.max())
+
+
+def _forces(tool: Pressing, state: State) -> ndarray:
+    """Normal forces on the contact points of nodes in N, shape (n_nodes,)."""
+    _refuse_other(tool, state)
+    return tool.forces(state.u, state.load_factor, state.parameters[tool.name])
 
 
 def _refuse_other(tool: Pressing, state: State) -> None:

@@ -96,10 +96,7 @@ class HolderPressure(ElementTerm):
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Forces towards the surface."""
-        nodes, factors, rotation, local = self._nodes_under(u, t, p)
-        f = np.zeros((self.nodes.shape[1], 3))
-        f[nodes] = (factors * (rotation @ self._surface.gradient(local))).T
-        return self._points.nodal(f)
+        return self._points.nodal(self._on_points(u, t, p))
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Their derivative, see `Pattern.sum`."""
@@ -114,8 +111,8 @@ class HolderPressure(ElementTerm):
         return self._points.tangent(self.matrices(u, t, p))
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
-        """Forces towards the surface in N, shape (n_nodes,)."""
-        return np.asarray(np.linalg.norm(self.residual(u, t, p).reshape(-1, 3), axis=1))
+        """Forces of the contact points towards the surface in N, shape (n_nodes,)."""
+        return np.asarray(np.linalg.norm(self._on_points(u, t, p), axis=1))
 
     def reaches(self, u: ndarray, t: float) -> bool:
         """True if it presses on a part of the ply, whatever its pressure."""
@@ -128,6 +125,13 @@ class HolderPressure(ElementTerm):
     def rotation(self, t: float) -> float:
         """Angle of its rotation from its initial position in radians."""
         return self._obstacle.rotation(t)
+
+    def _on_points(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """Derivative of the energy by the contact points, shape (n_nodes, 3)."""
+        nodes, factors, rotation, local = self._nodes_under(u, t, p)
+        f = np.zeros((self.nodes.shape[1], 3))
+        f[nodes] = (factors * (rotation @ self._surface.gradient(local))).T
+        return f
 
     def _nodes_under(
         self, u: ndarray, t: float, p: Values

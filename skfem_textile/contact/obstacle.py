@@ -379,20 +379,27 @@ class ContactPoints:
     """
 
     def __init__(self, X: ndarray, basis: CellBasis) -> None:
-        mesh, mirrors = basis.mesh, getattr(basis, "mirrors", ())
         self._X, self.matrix = X, csr_matrix(identity(X.shape[1]))
+        mirrors = getattr(basis, "mirrors", ())
         if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]
-            self.matrix = contact_points(mesh, mirrors)
+            self.matrix = contact_points(basis.mesh, mirrors)
+        self._mirrors = [nodes_and_normal(basis.mesh, edges) for edges in mirrors]
         self.nodes, self._weights = _padded(self.matrix)
-        self._mirrors = [nodes_and_normal(mesh, edges) for edges in mirrors]
 
     def positions(self, u: ndarray) -> ndarray:
         """Positions at a displacement in mm, shape (3, n_nodes)."""
-        u = u.reshape(-1, 3)
-        x = self._X + (self.matrix @ u).T
-        for nodes, N in self._mirrors:  # they remain on planes of symmetry
-            off = x[:2, nodes] - self._X[:2, nodes] - u[nodes, :2].T
-            x[:2, nodes] -= np.outer(N, N @ off)
+        return self._X + (self.matrix @ u.reshape(-1, 3)).T
+
+    def in_planes(self, u: ndarray) -> ndarray:
+        """Positions, of nodes on a plane of symmetry without their motion off it.
+
+        The normals of a symmetric tool lie in the plane, so that its forces on these
+        points are those on the ``positions``.
+        """
+        x, rest = self.positions(u), self._X + u.reshape(-1, 3).T
+        for nodes, N in self._mirrors:
+            off = N @ (x - rest)[:2, nodes]
+            x[:2, nodes] -= np.outer(N, off)
         return x
 
     def nodal(self, f: ndarray) -> ndarray:
@@ -580,6 +587,6 @@ class ToolContact(ContactTerm):
         last_u, last_t, last = self._last
         if last is not None and t == last_t and np.array_equal(u, last_u):
             return last
-        gaps = self._obstacle.gaps(self._points.positions(u), t)
+        gaps = self._obstacle.gaps(self._points.in_planes(u), t)
         self._last = u.copy(), t, gaps
         return gaps

@@ -321,7 +321,7 @@ def test_derivatives():
         Holder(drape.Sphere(300.0, (0, 0, -300.5)), gap=0.2, name="holder"),
         Holder(drape.Sphere(300.0, (0, 0, -300.5)), pressure=0.1, name="pressed"),
     ]
-    flat = blank(5)
+    flat = blank(6)
     ply = Ply(flat.mesh, flat.fabric, terms=tools, dimension=3)
     u = rng.normal(0, 0.02, ply.basis.N)
     du = rng.normal(0, 1, ply.basis.N)
