@@ -26,7 +26,7 @@ def smallest_gap(
 ) -> SmallestGap | None:
     """Smallest gap at all nodes, edge midpoints and element centres of a ply.
 
-    Elements lie on the tool in the mean: their centres may penetrate it, or nodes where
+    Elements lie on the tool on average: their centres may penetrate it, or nodes where
     it is concave.  None if the tool does not reach the ply.
 
     Parameters

@@ -407,7 +407,7 @@ class ContactPoints:
         return np.ravel(self.matrix.T @ f)
 
     def matrices(self, K: ndarray) -> ndarray:
-        """Arguments of `Pattern.sum` for blocks at the points, shape (3, 3, n_nodes)."""
+        """Arguments of `Pattern.sum` for blocks at the points, (3, 3, n_nodes)."""
         one, other = self._weights[np.array(np.triu_indices(len(self.nodes)))]
         return (one * other)[:, None, None] * K
 

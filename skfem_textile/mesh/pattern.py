@@ -149,9 +149,7 @@ class Pattern:
             Shape (n_blocks, n_points).  Pairs of nodes outside the pattern are omitted.
         """
         pairs = points.tocoo()
-        both = csr_matrix(
-            (np.ones(pairs.nnz), (np.arange(pairs.nnz), pairs.row))
-        )
+        both = csr_matrix((np.ones(pairs.nnz), (np.arange(pairs.nnz), pairs.row)))
         one, other = (both @ both.T).nonzero()
         row, col = pairs.col[one].astype(np.int64), pairs.col[other]
         below = row >= col

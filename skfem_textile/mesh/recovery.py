@@ -83,9 +83,9 @@ def contact_points(mesh: Any, mirrors: Sequence[ndarray] = ()) -> csr_matrix:
     Elements are chords of a curved ply.  On a surface of the normal curvatures κ along
     edges of the lengths h, the mean depth of elements below their nodes is ``Σ κ
     h²/12``.  The contact point of a node is below it by this depth, so that elements
-    whose contact points touch a surface lie on it in the mean.  Second derivatives of
-    the position are those of a quadratic polynomial through the nodes of the elements
-    around a node; at a boundary, around the nearest node inside.
+    whose contact points touch a surface lie on it in the mean.  Second
+    derivatives of the position follow from a quadratic polynomial through the nodes of
+    the elements around a node; at a boundary, around the nearest node inside.
 
     Parameters
     ----------
@@ -109,12 +109,31 @@ def contact_points(mesh: Any, mirrors: Sequence[ndarray] = ()) -> csr_matrix:
     """
     n, touch = mesh.nvertices, _touching(mesh)
     around = (touch @ touch.T).tocsr()
-    ends = mesh.facets[:, np.setdiff1d(mesh.boundary_facets(), np.hstack([[], *mirrors]))]
-    inside = np.setdiff1d(np.arange(n), ends)
-    if not inside.size:
-        return csr_matrix(identity(n))
-    patch = around[inside].tocoo()
-    row, node = patch.row, patch.col
+    edges = np.setdiff1d(mesh.boundary_facets(), np.hstack([[], *mirrors]))
+    inside = np.setdiff1d(np.arange(n), mesh.facets[:, edges])
+    offset = csr_matrix((n, n))
+    if inside.size:
+        at_nearest = _nearest(mesh, around, inside)
+        derivatives = _second_derivatives(mesh, around[inside], inside, mirrors)
+        corners = mesh.p[:, mesh.t]
+        across = corners[:, 2:3] - corners[:, :1]
+        x, y = 0.5 * (across + corners[:, [1, 3]] - corners[:, [3, 1]])
+        squares = np.array([x * x, 2 * x * y, y * y]).sum(axis=1) / 12
+        means = (touch @ squares.T) / np.asarray(touch.sum(axis=1))
+        for square, derivative in zip(means.T, derivatives, strict=True):
+            offset += at_nearest.multiply(square[:, None]) @ derivative
+    return csr_matrix(identity(n) + offset)
+
+
+def _second_derivatives(
+    mesh: Any, patch: csr_matrix, inside: ndarray, mirrors: Sequence[ndarray]
+) -> list[csr_matrix]:
+    """Derivatives ∂²/∂x², ∂²/∂x∂y and ∂²/∂y² at n nodes, each (n, n_vertices).
+
+    ``patch`` has the nodes around each of them.
+    """
+    pairs = patch.tocoo()
+    row, node = pairs.row, pairs.col
     away = mesh.p[:, node] - mesh.p[:, inside[row]]
     for plane in mirrors:  # images of the nodes around those on the plane
         on, N = nodes_and_normal(mesh, plane)
@@ -123,32 +142,29 @@ def contact_points(mesh: Any, mirrors: Sequence[ndarray] = ()) -> csr_matrix:
         row, node = np.append(row, row[image]), np.append(node, node[image])
         away = np.hstack([away, reflected])
     weighted, A, size = _normal_equations(row, away, inside.size)
-    second = np.linalg.inv(A)[:, 3:] / size[:, None, None] ** 2  # of x², x y and y²
-    fits = np.einsum("pkm,mp->kp", second[row], weighted)
+    squares = np.linalg.inv(A)[:, 3:] / size[:, None, None] ** 2
+    fits = np.einsum("pkm,mp->kp", squares[row], weighted) * [[2.0], [1.0], [2.0]]
+    return [csr_matrix((fit, (row, node)), patch.shape) for fit in fits]
 
-    nearest = np.full(n, -1)
-    nearest[inside] = np.arange(inside.size)
+
+def _nearest(mesh: Any, around: csr_matrix, inside: ndarray) -> csr_matrix:
+    """Matrix from values at nodes inside to those nodes, and to others beside them.
+
+    Shape (n_vertices, n_inside); the rows of nodes that have no neighbour inside are
+    zero.
+    """
+    number = np.full(mesh.nvertices, -1)
+    number[inside] = np.arange(inside.size)
     pairs = around.tocoo()
-    outer = (nearest[pairs.row] < 0) & (nearest[pairs.col] >= 0)
-    outside, close = pairs.row[outer], nearest[pairs.col[outer]]
-    far = np.linalg.norm(mesh.p[:, outside] - mesh.p[:, inside[close]], axis=0)
-    order = np.lexsort((far, outside))
-    which, first = np.unique(outside[order], return_index=True)
-    nearest[which] = close[order][first]
-    has = np.flatnonzero(nearest >= 0)
-    to_inside = csr_matrix(
-        (np.ones(has.size), (has, nearest[has])), (n, inside.size)
-    )
-
-    corners = mesh.p[:, mesh.t]
-    x, y = 0.5 * (corners[:, [1, 3]] - corners[:, :1] + corners[:, 2:3] - corners[:, [3, 1]])
-    squares = np.array([x * x, x * y, y * y]).sum(axis=1) / 6
-    means = (touch @ squares.T) / np.asarray(touch.sum(axis=1))
-    offset = csr_matrix((n, n))
-    for square, fit in zip(means.T, fits, strict=True):
-        derivative = csr_matrix((fit, (row, node)), (inside.size, n))
-        offset += to_inside.multiply(square[:, None]) @ derivative
-    return csr_matrix(identity(n) + offset)
+    beside = (number[pairs.row] < 0) & (number[pairs.col] >= 0)
+    node, other = pairs.row[beside], pairs.col[beside]
+    far = np.linalg.norm(mesh.p[:, node] - mesh.p[:, other], axis=0)
+    order = np.lexsort((far, node))
+    which, first = np.unique(node[order], return_index=True)
+    number[which] = number[other[order][first]]
+    has = np.flatnonzero(number >= 0)
+    shape = mesh.nvertices, inside.size
+    return csr_matrix((np.ones(has.size), (has, number[has])), shape)
 
 
 def nodes_and_normal(mesh: Any, edges: ndarray) -> tuple[ndarray, ndarray]:

@@ -1,10 +1,10 @@
 """Change of a state by the contact of elements between their nodes.
 
-Nodes touch a tool or lie on a surface, and elements are chords between them: they
-penetrate a convex tool.  On a surface of constant curvature the mean depth of a
-bilinear element is 2/3 of that at its centre.  The ply is pushed out of the tool by the
-mean depth of the deepest element at each node; the change of the state, from its
-tangent, estimates the error of contact.
+Nodes lie on a surface, and elements are chords between them; their mean depth is 2/3 of
+that at their centres if the curvature is constant.  Elements between tools lie on a
+tool on average, and their centres penetrate a convex one.  The ply is pushed out of
+tool or surface by 2/3 of the depth of the centre of the deepest element at each node;
+the change of the state, from its tangent, estimates the error of contact.
 """
 
 from collections.abc import Mapping

@@ -373,7 +373,7 @@ class Problem:
 
     @cached_property
     def _of_points(self) -> csc_matrix:
-        """Matrix from blocks at contact points, the same of all tools, to the tangent's."""
+        """Matrix from blocks at contact points, equal for all tools, to the tangent."""
         return csc_matrix(self.ply.pattern.congruence(self.contacts[0].points))
 
     def around(self, u: ndarray) -> ndarray:
