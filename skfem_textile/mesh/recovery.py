@@ -83,9 +83,9 @@ def contact_points(mesh: Any, mirrors: Sequence[ndarray] = ()) -> csr_matrix:
     Elements are chords of a curved ply.  On a surface of the normal curvatures κ along
     edges of the lengths h, the mean depth of elements below their nodes is ``Σ κ
     h²/12``.  The contact point of a node is below it by this depth, so that elements
-    whose contact points touch a surface lie on it in the mean.  Second
-    derivatives of the position follow from a quadratic polynomial through the nodes of
-    the elements around a node; at a boundary, around the nearest node inside.
+    whose contact points touch a surface lie on it on average.  Second derivatives of
+    the position follow from a quadratic polynomial through the nodes of the elements
+    around a node; at a boundary, around the nearest node inside.
 
     Parameters
     ----------
