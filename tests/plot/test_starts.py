@@ -20,7 +20,7 @@ def test_every_start_that_covers_the_part_is_on_the_map(tmp_path):
     along = np.zeros_like(points)
     along[1] = 1.0
     start = drape.NetStart(points[:, 0], along[:, 0])
-    best = drape.BestStart(start, None, 0.1, points, along, measures)
+    best = drape.BestStart(start, None, 0.1, points, along, measures, np.empty(0))
     figure = plot.starts(best, tool, tmp_path / "starts.png")
     axes, bar = figure.axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("y (mm)", "z (mm)")
