@@ -47,12 +47,12 @@ _SIZE = 1 / 16
 FINEST = 0.35
 
 # Relative error of the load aimed at by default.
-_AIM = 0.005
+_AIM = 0.0004
 
 # Largest distance of lines relative to √area, and its growth from line to line away
 # from singular fibres.  Compared by
 # `python -m studies singular_fibres --case "chosen *"`.
-_LARGEST, _GROWTH = 0.15, 2.0
+_LARGEST, _GROWTH = 0.35, 2.3
 
 # Distance from other lines, relative to the largest distance, below which a weak line
 # is left out.  Compared by the same cases of `python -m studies singular_fibres`.
@@ -335,13 +335,17 @@ def _lines(
     strong = strong[np.diff(strong, prepend=-np.inf) > near]
     keys, is_strong = strong.tolist(), [True] * len(strong)
     least = _WEAK * largest
-    for x, apart in [(x, near) for x in ends] + [
-        (x, least) for x in across(lines.weak)
+    others = [f.points[:, [0, -1]] for f in lines.fibres if f.family != family]
+    starts = to_fibres @ np.hstack([np.empty((2, 0)), *others])
+    begin = [bool((np.abs(starts - x) <= near).any()) for x in ends]
+    for x, apart, of_start in [
+        *((x, near, at_start) for x, at_start in zip(ends, begin, strict=True)),
+        *((x, least, False) for x in across(lines.weak)),
     ]:
         i = bisect_left(keys, x)
         if all(abs(k - x) > apart for k in keys[max(i - 1, 0) : i + 1]):
             keys.insert(i, x)
-            is_strong.insert(i, False)
+            is_strong.insert(i, of_start)
     # A layer of the width w changes the load by a share w/L, of which elements of the
     # size h miss about (h/w)² if they are of second order.
     finest = np.sqrt(_AIM * lines.width * largest / _LARGEST)

@@ -23,6 +23,7 @@ from ..mesh.bases import (
     MacroBasis,
     MeanBasis,
     components,
+    element_numbers,
     quad_basis,
     triangle_basis,
 )
@@ -81,23 +82,38 @@ class Quadrilaterals(Pointwise):
 # changes the load by 1 % if it changes by a third.
 _ON_SINGULAR = 4.0
 
+# Length of an edge along a fibre over the height of a triangle beside it, from which on
+# the triangle resolves the layer of the fibre.  Chosen by `python -m studies
+# singular_fibres --case "chosen *"`.
+_LONG = 2.0
+
+# Sine of the angle to a fibre below which an edge follows it.
+_FOLLOWS = 1e-3
+
 
 def mean_tension_term(
     fabric: Fabric, deviation: float | ndarray, basis: MeanBasis, parent: ndarray
 ) -> TensionTerm:
     """Fibre tension term whose full stiffness acts on mean stretches only.
 
-    ``parent`` is the element of the basis that contains each element of the mesh.
+    In triangles that resolve the layer of a singular fibre it acts on all stretches of
+    fibres along the layer.  ``parent`` is the element of the basis that contains each
+    element of the mesh.
     """
-    layer, area = np.zeros((basis.nelems, 1)), basis.dx.sum(axis=1, keepdims=True)
-    on = parent[_at_singular_fibres(basis.mesh)] if components(basis) == 2 else []
-    layer[on] = _ON_SINGULAR * np.sqrt(area.sum() / area[on])
+    area = basis.dx.sum(axis=1, keepdims=True)
+    layer = np.zeros((2, basis.nelems, 1))
+    if components(basis) == 2 and (on := _at_singular_fibres(basis.mesh)).size:
+        layer[:, parent[on]] = _ON_SINGULAR * np.sqrt(area.sum() / area[parent[on]])
+        if basis.parts is None:
+            resolved = _resolved(fabric, basis)
+            layer[resolved[::-1]] = 0.0
+            layer[resolved] = np.inf
     return TensionTerm(
         "tension",
         forms.mean_tension(fabric),
         basis,
         parameters=HeldDeviation(fabric, deviation, basis, layer),
-        of_means=Values({"E_d": np.zeros((2, basis.nelems, 1))}),
+        of_means=Values({"E_d": np.zeros_like(layer)}),
     )
 
 
@@ -106,6 +122,23 @@ def _at_singular_fibres(mesh: Mesh) -> ndarray:
     edges = np.asarray((mesh.boundaries or {}).get(SINGULAR, ()), dtype=int)
     elements = np.unique(mesh.f2t[:, edges])
     return elements[elements >= 0]
+
+
+def _resolved(fabric: Fabric, basis: MeanBasis) -> ndarray:
+    """True for families along which triangles are long, shape (2, n_elements)."""
+    mesh, area = basis.mesh, basis.dx.sum(axis=1)
+    start, end = mesh.p[:, mesh.facets].swapaxes(0, 1)
+    middle, length = 0.5 * (start + end), np.hypot(*(end - start))
+    along = (end - start) / length
+    resolved = np.zeros((2, basis.nelems), dtype=bool)
+    for side in mesh.f2t:
+        edge = np.flatnonzero((side >= 0) & (length**2 > 2 * _LONG * area[side]))
+        cell = side[edge]
+        numbers = element_numbers(basis)[cell, :1]
+        for family, A in enumerate(fabric.directions(middle[:, edge, None], numbers)):
+            sine = A[0, :, 0] * along[1, edge] - A[1, :, 0] * along[0, edge]
+            resolved[family, cell[np.abs(sine) < _FOLLOWS]] = True
+    return resolved
 
 
 def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:

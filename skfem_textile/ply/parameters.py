@@ -204,23 +204,26 @@ def deviation_stiffness(
 
 
 def layer_stiffness(length: ndarray, G: ndarray, E: ndarray) -> ndarray:
-    """E_d in N/mm of elements with an edge on a singular fibre, in series with E.
+    """E_d in N/mm of elements in the layer of a singular fibre, in series with E.
 
     ``√(G E)`` times a length relative to the size of the element.  The force N of the
     fibre spreads over a layer of the width ``L √(G/E)`` along a length L, and stretches
     it by ``N/√(G E)``.  In elements of the size h, which are wider, it stretches them
-    by ``N L/(E_d h)``.
+    by ``N L/(E_d h)``.  Elements that resolve the layer have E: the stretch varies
+    across the fibre.
 
     Parameters
     ----------
     length
-        L/h, times a calibrated factor.
+        L/h, times a calibrated factor; infinite for elements that resolve the layer.
     G, E
         See `deviation_stiffness`.
     """
-    resistance = length * np.sqrt(G * E)
+    resolved = np.isinf(length)
+    resistance = np.where(resolved, 0.0, length) * np.sqrt(G * E)
     both = resistance + E
-    return resistance / np.where(both > 0, both, 1.0) * E
+    in_series = resistance / np.where(both > 0, both, 1.0) * E
+    return np.where(resolved, E, in_series)
 
 
 def effective_tension(G: ndarray, E: ndarray, T: ndarray) -> ndarray:
@@ -391,8 +394,8 @@ class HeldDeviation(HeldStiffness):
     basis
         The `MeanBasis` of the forms.
     layer
-        L/h of `layer_stiffness` in elements with an edge on a singular fibre, shape
-        (n_elements, 1); zero in others.
+        ``length`` of `layer_stiffness` for warp and weft, shape (2, n_elements, 1);
+        zero outside of the layers of singular fibres.
     """
 
     name, of_shear = "E_d", further_shear_stiffness
@@ -404,13 +407,13 @@ class HeldDeviation(HeldStiffness):
         basis: MeanBasis,
         layer: ndarray,
     ) -> None:
-        self._multiple, self._layer = multiple, layer
+        self._multiple, self.layer = multiple, layer
         super().__init__(fabric, basis)
 
     def _of(self, state: ElementState) -> ndarray:
         elsewhere = deviation_stiffness(self._multiple, state.G, state.E, state.T)
-        on = layer_stiffness(self._layer, state.G, state.E)
-        return np.where(self._layer > 0, on, elsewhere)
+        on = layer_stiffness(self.layer, state.G, state.E)
+        return np.where(self.layer > 0, on, elsewhere)
 
 
 class AccumulatedMoment(TermParameters):

@@ -17,6 +17,10 @@ size of its differences δ between neighbours.  For a proportional law the numer
 stiffness is calibrated to it.  The further change of the work of another law is of the
 size of ``∫ |M′Γ − M| δ dΩ``: see `_work_of_jumps`.
 
+Elements that resolve the layers of singular fibres contain no jump, and have the
+stiffness of the fibres along them.  Their error is that of the shape of the layer: see
+`_work_of_layers`.
+
 Between tools and on surfaces the error of contact between nodes adds its change: see
 `between_nodes`.
 
@@ -48,7 +52,7 @@ from ..ply.formulations import (
     Macro,
 )
 from ..ply.parameters import Values
-from ..ply.terms import FormTerm, Formulation, Term
+from ..ply.terms import FormTerm, Formulation, TensionTerm, Term
 from .between_nodes import STEP, changes_of_tools, pushed_out, response, work_of_tools
 from .conditioning import buckling_warning, uncertain_reactions
 from .conditions import Conditions, Constraints, turned
@@ -92,6 +96,10 @@ _CONTACT, _OF_CONTACT = "contact", 2.0
 # Part of the half-width of the work over the result of `_work_of_jumps`:
 # `python -m studies interval --case "chosen: free meshes near *"`.
 _OF_JUMPS = 2.0
+
+# Part of the half-width of the work over the result of `_work_of_layers`: `python -m
+# studies singular_fibres --case "chosen *"`.
+_OF_LAYERS = 0.3
 
 # One point locks: the converged load is below its load where deviations matter, and
 # above it where the stabilisation does.  The errors have opposite signs.
@@ -454,8 +462,12 @@ def _interval(
             method=method,
         )
     wider = 1.0
-    if load and not problem.in_space and SINGULAR not in (ply.mesh.boundaries or {}):
-        wider = 1.0 + _OF_JUMPS * _work_of_jumps(ply, state.u) / load
+    if load and not problem.in_space:
+        if SINGULAR in (ply.mesh.boundaries or {}):
+            more = _OF_LAYERS * _work_of_layers(other.ply, there, work)
+        else:
+            more = _OF_JUMPS * _work_of_jumps(ply, state.u)
+        wider = 1.0 + more / load
         load, reactions = wider * load, {k: wider * x for k, x in reactions.items()}
     numerical = sum(state.shares.get("energy", {}).values())
     if not load <= _MOST * abs(work) or numerical > _MOST_NUMERICAL:
@@ -560,3 +572,29 @@ def _work_of_jumps(ply: Ply, u: ndarray) -> float:
     angle, jump = ply.shear_angle(u), np.sqrt(_square_jumps(ply, u))
     excess = np.abs(law.tangent(angle) * angle - law.value(angle))
     return float(jump @ (excess * ply.basis.dx).sum(axis=1))
+
+
+def _work_of_layers(ply: Ply, state: State, work: float) -> float:
+    """Part of a work that triangles which resolve layers of singular fibres miss.
+
+    A layer of the width w changes the load by a share w/L, of which quadratic triangles
+    of the height h at its fibre miss about (h/w)².
+    """
+    term = next(x for x in ply.terms if isinstance(x, TensionTerm))
+    layer = getattr(term.parameters, "layer", np.zeros((2, 1, 1)))
+    if not np.isinf(layer).any():
+        return 0.0
+    mesh, L = ply.mesh, np.sqrt(ply.basis.dx.sum())
+    edges = np.asarray(mesh.boundaries[SINGULAR], dtype=int)
+    start, end = mesh.p[:, mesh.facets[:, edges]].swapaxes(0, 1)
+    sides = mesh.f2t[:, edges]
+    length, area = np.hypot(*(end - start)), ply.basis.dx.sum(axis=1)[sides]
+    resolved = np.isinf(layer[:, sides, 0]) & (2 * area < length**2)
+    if not resolved.any():
+        return 0.0
+    family, side, edge = np.nonzero(resolved)
+    cell, h = sides[side, edge], 2 * area[side, edge] / length[edge]
+    E = state.parameters[term.name]["E_d"][family, cell, 0]
+    law = ply.fabric.at(element_numbers(ply.basis)[cell, :1]).shear_law
+    w = L * np.sqrt(law.tangent(np.zeros((len(cell), 1)))[:, 0] / E)
+    return float(np.median(w / L * np.minimum(1.0, (h / w) ** 2))) * abs(work)
