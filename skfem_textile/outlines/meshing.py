@@ -52,7 +52,7 @@ _AIM = 0.0004
 # Largest distance of lines relative to √area, and its growth from line to line away
 # from singular fibres.  Compared by
 # `python -m studies singular_fibres --case "chosen *"`.
-_LARGEST, _GROWTH = 0.35, 2.3
+_LARGEST, _GROWTH = 0.22, 2.3
 
 # Distance from other lines, relative to the largest distance, below which a weak line
 # is left out.  Compared by the same cases of `python -m studies singular_fibres`.
