@@ -173,3 +173,39 @@ def test_an_outline_without_names_is_meshed():
     assert not outline.boundaries
     for size in (None, 10.0):
         check_mesh(mesh_outline(outline, fabric(30.0), {}, size=size))
+
+
+def test_nets_are_graded_towards_corners_of_clamps():
+    """The layer of a singular fibre begins at a corner, where it is narrow."""
+    mesh = mesh_outline(Outline([[0, W, W, 0], [0, 0, H, H]]), fabric(40.0), held())
+    x, y = mesh.p
+    c, s = np.cos(np.radians(40.0)), np.sin(np.radians(40.0))
+    along = c * x + s * y
+    on_fibre = (np.abs(s * x - c * y) < 1e-6) & (along > 1e-6)
+    assert along[on_fibre].min() < 0.01 * np.sqrt(W * H)
+
+
+def test_the_fibre_law_acts_on_all_stretches_along_resolved_layers():
+    """E_d is E for the family along a layer, and far less for the other."""
+    E = 0.5e5
+    mesh = mesh_outline(Outline([[0, W, W, 0], [0, 0, H, H]]), fabric(), held())
+    ply = Ply(mesh, fabric(), Quadratic(400.0, points=6))
+    E_d = ply.parameters_at_rest["tension"]["E_d"][..., 0]
+    along = np.isclose(E_d, E)
+    assert 0.3 < along.any(axis=0).mean() < 0.9
+    assert not along.all(axis=0).any()
+    assert E_d[::-1][along].max() < 0.01 * E
+
+
+def test_the_load_of_steep_fibres_is_close():
+    """Fibres end at 80° to the clamps: 63.46 N with three times the density."""
+    theta, height = np.radians(58.0), 90.0
+    free = (height / np.sin(theta) - W / np.cos(theta)) / 2
+    travel = 2 * free * (np.sin(np.radians(80.0)) - np.sin(theta))
+    outline, plain = Outline([[0, W, W, 0], [0, 0, height, height]]), fabric(58.0)
+    mesh = mesh_outline(outline, plain, held(travel))
+    ply = Ply(mesh, plain, Quadratic(400.0, points=6))
+    result = LoadStepper(ply, held(travel), steps=1).run()
+    load = result.states[-1].reactions["top"][1]
+    assert load == pytest.approx(63.46, rel=0.006)
+    assert abs(load / 63.46 - 1) < result.error.load < 0.03
