@@ -18,7 +18,7 @@ stiffness is calibrated to it.  The further change of the work of another law is
 size of ``∫ |M′Γ − M| δ dΩ``: see `_work_of_jumps`.
 
 Elements that resolve the layers of singular fibres contain no jump, and have the
-stiffness of the fibres along them.  Their error is that of the shape of the layer: see
+stiffness of the fibres along them.  They miss a part of the work of the layer: see
 `_work_of_layers`.
 
 Between tools and on surfaces the error of contact between nodes adds its change: see
