@@ -22,6 +22,7 @@ from ..declarations.scenes import (
 from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
+from ..mesh.overlap import signed_areas
 from ..mesh.selection import SINGULAR
 from ..mesh.user_input import coords, printable
 from ..outlines.drawings import kind_of_drawing
@@ -67,6 +68,9 @@ log = logging.getLogger(__name__)
 
 # Name of the subdomain of elements outside all regions.
 _OTHERS = "elements in no region"
+
+# Share of the area of an outline below which the loss by chords is said.
+_WHOLE = 0.999
 
 # Density of the mesh of a drawing before the conditions are known.
 _COARSE = 0.25
@@ -259,15 +263,15 @@ def _refuse_contradictions(file: CaseFile) -> None:
         )
 
 
-def refuse_incomplete_exports(output: Output) -> None:
-    """Refuse keys of exports that require others."""
+def refuse_incomplete_exports(output: Output, has_pattern: bool = False) -> None:
+    """Refuse keys of exports that require others; a command may have a pattern."""
     part = output.part_mesh or output.deck
     for key, required, known in (
         ("part_reach_mm", "output.part_mesh or output.deck", part),
         (
             "pattern",
             "output.part_mesh, output.deck or output.trim",
-            part or output.trim,
+            part or output.trim or has_pattern,
         ),
         ("thickness_mm", "output.deck", output.deck),
         ("material", "output.deck", output.deck),
@@ -455,11 +459,15 @@ def _outlined(file: CaseFile, density: float) -> "Scene":
     across, along = (round(density * n) for n in options.size)
     middle = 0.5 * (low + high)
     mesh = quadrilaterals(outline, (across, along)).translated(-middle)
-    if middle.any():
+    area = outline.shape().area
+    share = np.abs(signed_areas(*mesh.p[:, mesh.t])).sum() / area
+    chords = f", whose elements cover {100 * share:.1f} % of it" * (share < _WHOLE)
+    if middle.any() or chords:
         log.warning(
-            "%s: the middle of the outline, %s mm, is the centre of the ply",
+            "%s: the middle of the outline, %s mm, is the centre of the ply%s",
             printable(options.outline),
             coords(middle),
+            chords,
         )
     return file.scene.build(mesh, part="whole")
 

@@ -114,7 +114,7 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
     if ply.nodes.shape != mesh.p.shape:
         raise ValueError(
             f"{printable(folder)}: the files lack values at the mid-side nodes of "
-            "quadratic elements: run the case again with --checkpoint and --resume"
+            "quadratic elements"
         )
     moves = (axes.turn.T @ moves)[: 3 if case.scene.dimension == 3 else 2]
     return FinishedRun(case, ply, moves.T.ravel(), load_factor, summary)

@@ -1,11 +1,13 @@
 """Fibres in the part and flat patterns, of a run or of a finished one."""
 
 import argparse
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 from numpy import ndarray
 
 from .. import io
@@ -13,7 +15,10 @@ from ..cases.build import refuse_incomplete_exports
 from ..cases.finished import read_result
 from ..cases.read import converted
 from ..cases.schema import PATTERN_KINDS, Output
+from ..io.file_numbers import errors_about
+from ..io.tools import refuse_unit_of_part
 from ..mesh.checks import MeshError
+from ..mesh.graph import components, edges_of
 from ..mesh.requirements import is_installed, lacks, require
 from ..mesh.user_input import printable
 from ..nets.flat_pattern import FlatPattern, flat_pattern
@@ -73,7 +78,10 @@ def run(options: argparse.Namespace) -> int:
             "tools"
         )
     what = "" if finished.summary.get("converged") else "the run stopped early"
-    out = ResultFolder(options.folder, ("summary.json", *export.files))
+    export.refuse_folder(options.folder)
+    out = ResultFolder(
+        options.folder, ("summary.json", *export.files(finished.summary))
+    )
     with held(), out as folder:
         figures = export.write(finished.sheet(), what, folder)
         summary = export.added(finished.summary, figures)
@@ -84,6 +92,15 @@ def run(options: argparse.Namespace) -> int:
         complain("; ".join(missing))
         return STOPPED_EARLY
     return 0
+
+
+def decks_in(folder: Path) -> tuple[str, ...]:
+    """Files of the deck that an earlier export wrote into a folder."""
+    try:
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        return tuple(map(str, summary.get("deck_files", ())))
+    except (OSError, ValueError, AttributeError, TypeError):
+        return ()
 
 
 def write_patterns(
@@ -105,10 +122,10 @@ class PartExport:
     """Export of a ply: elements of the part, and curves that trim the pattern.
 
     ``curves`` are closed, each (3, n); ``no_curves`` is the reason why there are none,
-    and ``trimmed`` is true for user-supplied curves: the outline, then holes. ``reach``
+    and ``trimmed`` is true for user-supplied curves: the outline, then holes, and
+    ``requested`` if the pattern must be written. ``reach``
     is the largest distance of the part from the ply in mm, and ``kinds`` are kinds of
-    files of the pattern. A deck has the ``layers`` of the ply. `write` may write
-    ``files``.
+    files of the pattern. A deck has the ``layers`` of the ply.
     """
 
     part: ToolMesh | None = None
@@ -119,7 +136,8 @@ class PartExport:
     trimmed: bool = False
     reach: float | None = None
     kinds: Sequence[str] = PATTERN_KINDS
-    files: ClassVar[tuple[str, ...]] = (*_PART, *PATTERN, f"{_DECK}/*")
+    requested: bool = False
+    all_files: ClassVar[tuple[str, ...]] = (*_PART, *PATTERN)
 
     @classmethod
     def read(cls, output: Output) -> "PartExport":
@@ -131,10 +149,15 @@ class PartExport:
             require("a .dxf of the pattern", "dxf", "ezdxf")
         own = output.part_mesh
         mesh = None if own is None else io.read_tool_mesh(own)
+        deck = None if output.deck is None else io.read_part_deck(output.deck)
+        of_deck = None if deck is None else deck.mesh
+        for file, one in ((own, mesh), (output.deck, of_deck)):
+            with errors_about(str(file)):
+                refuse_unit_of_part(one)
         others: dict[str, Any] = {"reach": output.part_reach_mm}
         others["kinds"] = output.pattern or PATTERN_KINDS
-        if output.deck is not None:
-            deck = io.read_part_deck(output.deck)
+        others["requested"] = output.pattern is not None or trim is not None
+        if deck is not None:
             layers = output.thickness_mm, output.material, output.calculix
             others |= {"deck": deck, "layers": dict(zip(_LAYERS, layers, strict=True))}
             mesh = mesh or deck.mesh
@@ -148,8 +171,10 @@ class PartExport:
             return cls(mesh, no_curves=f"{printable(part)}: {error}", **others)
 
     @classmethod
-    def of_options(cls, options: argparse.Namespace) -> "PartExport":
-        """Read what the options of a command name."""
+    def of_options(
+        cls, options: argparse.Namespace, has_pattern: bool = False
+    ) -> "PartExport":
+        """Read what the options of a command name, which may have its own pattern."""
         keys = {
             path.removeprefix("output."): value
             for path, value in vars(options).items()
@@ -157,7 +182,7 @@ class PartExport:
         }
         try:
             output = converted("output", keys, Output)
-            refuse_incomplete_exports(output)
+            refuse_incomplete_exports(output, has_pattern)
             return cls.read(output)
         except ValueError as error:
             raise ValueError(as_typed(str(error), options)) from None
@@ -165,6 +190,21 @@ class PartExport:
     def __bool__(self) -> bool:
         """True if there is something to export."""
         return self.part is not None or bool(self.curves)
+
+    def refuse_folder(self, out: Path) -> None:
+        """Refuse a deck that its copy would replace."""
+        if self.deck and (out / _DECK).resolve() in self.deck.path.resolve().parents:
+            raise ValueError(
+                f"{printable(self.deck.path)}: its copy is written into this folder: "
+                "move the deck"
+            )
+
+    def files(self, summary: Mapping[str, Any]) -> tuple[str, ...]:
+        """Files that `write` replaces, of an export with this summary."""
+        names = [*_PART] if self.part else []
+        names += [*PATTERN] if self.curves or self.no_curves else []
+        names += summary.get("deck_files", ()) if self.deck else ()
+        return tuple(names)
 
     def write(self, sheet: Sheet, reason: str, folder: Path) -> dict[str, Any]:
         """Write the exports; returns figures, and the reason for each missing export.
@@ -188,13 +228,12 @@ class PartExport:
         """Summary of a run with the figures of `write`, which are printed too."""
         own = [quantity.declared() for quantity in _FIRST]
         first = [one for one in summary["first"] if one not in own]
-        old = {quantity.key for quantity in _FIRST} - figures.keys()
-        kept = {key: value for key, value in summary.items() if key not in old}
+        kept = {k: x for k, x in summary.items() if not str(x).startswith(_NOT)}
         return {**kept, **figures, "first": [*first, *(own if figures else ())]}
 
     def missing(self, figures: Mapping[str, Any]) -> list[str]:
         """Requested exports that `write` has not written, with reasons."""
-        requested = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
+        requested = ["part"] * (self.part is not None) + ["pattern"] * self.requested
         requested += ["deck"] * (self.deck is not None)
         reasons = {what: str(figures.get(what, "")) for what in requested}
         return [f"{k}: {text}" for k, text in reasons.items() if _NOT in text]
@@ -215,27 +254,45 @@ class PartExport:
         longest = max(sheet.longest_edge, float(part.longest_edges().max()))
         return self.reach or REACH * longest
 
+    def _covered(self, sheet: Sheet) -> ToolMesh:
+        """Connected pieces of the part on which the ply lies, without other skins."""
+        assert self.part is not None
+        cells, points = self.part.cells, self.part.points
+        covered = fibres_on_tool(sheet, self.part, reach=self.reach).covered
+        edges = edges_of(cells)[0]
+        piece = components(points.shape[1], edges)
+        of_element = np.concatenate([piece[cell[0]] for cell in cells])
+        kept = np.isin(piece, of_element[covered])
+        return ToolMesh(points, tuple(cell[:, kept[cell[0]]] for cell in cells))
+
     def _with_layers(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.deck is None:
             return {}
         fibres = fibres_on_tool(sheet, self.deck.mesh, reach=self.reach)
         (folder / _DECK).mkdir()
         files = io.write_part_deck(folder / _DECK, self.deck, fibres, **self.layers)
-        return {"deck": f"{_DECK}/{files[0].name}"}
+        names = [
+            file.relative_to(folder).as_posix()
+            for file in (folder / _DECK).rglob("*")
+            if file.is_file()
+        ]
+        deck = files[0].relative_to(folder).as_posix()
+        return {"deck": deck, "deck_files": sorted(names)}
 
     def _pattern(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.no_curves:
             raise ValueError(self.no_curves)
         if not self.curves:
             return {}
-        outer, *holes = self.curves
         if self.trimmed:
+            outer, *holes = self.curves
             patterns = [flat_pattern(sheet, outer, holes=holes, reach=self.reach)]
             area = patterns[0].area
         else:  # holes of the part have the opposite orientation
             assert self.part is not None
-            reach = self._reach(sheet, self.part)
-            patterns = [flat_pattern(sheet, x, reach=reach) for x in self.curves]
+            reach, covered = self._reach(sheet, self.part), self._covered(sheet)
+            curves = covered.boundary()
+            patterns = [flat_pattern(sheet, x, reach=reach) for x in curves]
             area = abs(sum(one.signed_area for one in patterns))
         write_patterns(folder, patterns, self.kinds)
         length = sum(pattern.length for pattern in patterns)

@@ -24,7 +24,7 @@ from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
 from ..outlines import Outline
 from ..scenes.drape import contact_point
 from ..surfaces.triangle_mesh import TriangleMesh
-from .export import PartExport, write_patterns
+from .export import PartExport, decks_in, write_patterns
 from .interruption import held
 from .net_report import (
     Cells,
@@ -83,16 +83,19 @@ def run(options: argparse.Namespace) -> int:
     _refuse_combinations(options)
     began = perf_counter()
     log_to_stderr(0)
-    export = replace(PartExport.of_options(options), curves=(), no_curves="")
+    export = PartExport.of_options(options, has_pattern=True)
+    export = replace(export, curves=(), no_curves="", requested=False)
+    export.refuse_folder(options.out)
     with shown("laying the net", printed=True):
         part = _laid(options)
         fibres = _fibres(part)
         cells, cover = Cells.of(part), Cover.of(part, fibres)
     figures = figures_of(part, cells, cover, options)
     verdict = verdict_of(part, cells, cover, options)
+    files = *PartExport.all_files, *decks_in(options.out)
     out = ResultFolder(
         options.out,
-        (_SUMMARY, _NET, *_FIBRES, *export.files, _PICTURE, _STARTS, _PAGE),
+        (_SUMMARY, _NET, *_FIBRES, *files, _PICTURE, _STARTS, _PAGE),
     )
     with held(), out as folder:
         if export:

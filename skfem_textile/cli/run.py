@@ -27,7 +27,7 @@ from ..solve.stepper import LoadStepper
 from ..solve.tolerance import ToleranceStepper
 from . import results
 from .curve import CURVE, Curve, curve_of, read_test_curve, write_curve
-from .export import PartExport
+from .export import PartExport, decks_in
 from .interruption import INTERRUPTED, held
 from .output import STOPPED_EARLY, OutputError, complain, say
 from .page import say_rows
@@ -92,7 +92,8 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
         refuse_foreign_case(options.out)
         fields = (f"fields/{name}" for name in io.FIELDS)
         numbers = ("summary.json", "history.csv", CURVE)
-        drapes = *io.DRAPED, *export.files
+        export.refuse_folder(options.out)
+        drapes = *io.DRAPED, *PartExport.all_files, *decks_in(options.out)
         files = (*numbers, *WRITTEN_FILES, *drapes, *fields, *_PICTURES, REPORT)
         out = ResultFolder(options.out, files)
         resume = options.resume is not None

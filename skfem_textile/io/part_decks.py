@@ -5,6 +5,7 @@ The copy of a deck keeps labels, types of elements, sets and include files.
 
 import logging
 import os
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,9 @@ _FORMATS: dict[tuple[str, ...], Any] = {
     (".rad",): RadiossDeck,
 }
 _READERS = {name: form for names, form in _FORMATS.items() for name in names}
+
+# Names of materials that all formats allow.
+_NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
 # Numbers of elements that a message lists.
 _LISTED = 5
@@ -220,12 +224,15 @@ def write_part_deck(
     with errors_about(path):
         if calculix and not isinstance(deck._form, AbaqusDeck):
             raise MeshError("CalculiX requires an .inp file")
-        variant = calculix_deck(deck._form, layup) if calculix else None
         written, remarks = deck._form.write(folder, layup)
-    if variant is not None:
-        written.append(folder / f"{path.stem}_ccx.inp")
-        written[-1].write_bytes(variant[0])
-        remarks += variant[1]
+        if calculix:
+            try:
+                variant = calculix_deck(deck._form, layup)
+                written.append(folder / f"{path.stem}_ccx.inp")
+                written[-1].write_bytes(variant[0])
+                remarks += variant[1]
+            except MeshError as error:
+                remarks.append(f"not written for CalculiX: {error}")
     written.append(folder / f"{path.stem}_fibres.vtu")
     write_fibres(written[-1], fibres)
     left = deck.labels[~layup.covered]
@@ -256,6 +263,11 @@ def _layup(
         raise ValueError(f"thickness must be positive, a number or of shape ({n},)")
     if not fibres.covered.any():
         raise ValueError("the ply does not cover any element of the deck")
+    if material is not None and not _NAME.fullmatch(material):
+        raise ValueError(
+            f"the material {printable(material)!r} must be a name of letters, digits, "
+            "points, hyphens and underscores"
+        )
     if folder.resolve() == deck.path.resolve().parent:
         raise ValueError(
             f"{printable(folder)}: the folder of the deck is not overwritten: specify "

@@ -229,6 +229,17 @@ def read_tool_mesh(path: _PathLike) -> ToolMesh:
         return ToolMesh(*points_and_cells(path))
 
 
+def refuse_unit_of_part(mesh: ToolMesh | None) -> None:
+    """Refuse a part, if there is one, whose extent indicates another unit than mm."""
+    if mesh is None:
+        return
+    extent = float(np.ptp(mesh.points, axis=1).max())
+    if not _LEAST <= extent <= _MOST:
+        raise MeshError(
+            f"the part extends over {extent:.3g} mm: its lengths must be in mm"
+        )
+
+
 def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
     """Points and cells of a file that meshio reads, as arguments of `ToolMesh`."""
     raw, ignored = read_raw(Path(path))

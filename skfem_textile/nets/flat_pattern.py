@@ -206,7 +206,7 @@ def refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
     left = Polygon(outer.outline.T)
     for hole in holes:
         cut = Polygon(hole.outline.T)
-        if not left.contains(cut):
+        if not left.contains(cut) or cut.equals(left):
             raise ValueError(
                 f"flat pattern: the hole that passes {coords(hole.on_tool[:, 0])} mm "
                 "crosses the outline or another hole: specify curves that do not meet"

@@ -19,9 +19,7 @@ from ..surfaces.tool_mesh import (
     Elements,
     ElementTree,
     ToolMesh,
-    closest_on_own,
     closest_on_triangles,
-    cut_in_two,
     edge_lengths,
     unit,
 )
@@ -287,10 +285,10 @@ _NORMAL_DEG = 0.1
 # Coarse tools of curved parts stay below it.
 _STEEPEST_DEG = 60.0
 
-# Distance of the ply from the nearest skin of a tool, relative to its distance from
-# another skin, below which it lies on the first one only: it is above one half between
-# two walls of a corner of 60° that the ply bridges.
-_OTHER_SKIN = 0.5
+# Cosine of an angle below which two points of a tool are on one perpendicular to the
+# ply, and ratio of their distances below which one of them is nearer: a surface that
+# turns by less has no such points.
+_ALIGNED, _NEARER = 0.95, 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -363,7 +361,7 @@ def fibres_on_tool(
 
     They are the fibres at the foot of the perpendicular from the centre of the element
     to the ply.  An element inclined by more than 60° to the ply has none.  Of two skins
-    of a tool the nearer one has fibres.
+    of a tool the nearer one has fibres, or the upper one if the ply is in their middle.
 
     Parameters
     ----------
@@ -399,7 +397,7 @@ def fibres_on_tool(
     lean = np.abs((unit(np.cross(*fibres[:2], axis=0)) * normal).sum(axis=0))
     # A wall that cuts through the ply has no fibres; NaN also where there is no ply.
     across = ~(lean > np.cos(np.radians(_STEEPEST_DEG)))
-    across |= _on_other_skin(sheet, places, tool)
+    across |= _on_other_skin(sheet, places, tool, fibres)
     if across.all():
         raise ValueError(
             "fibres on a tool: every element of the tool within reach is "
@@ -410,27 +408,36 @@ def fibres_on_tool(
     return FibresInSpace(tool, normal, warp, weft, angle, along)
 
 
-def _on_other_skin(sheet: Sheet, places: SheetPoints, tool: ToolMesh) -> ndarray:
-    """True for elements of a tool between which and the ply lies another element."""
+def _on_other_skin(
+    sheet: Sheet, places: SheetPoints, tool: ToolMesh, fibres: Sequence[ndarray]
+) -> ndarray:
+    """True for elements of a tool whose part of the ply lies on another skin.
+
+    It is the nearer one on the same perpendicular to the ply; of two skins at about the
+    same distance, one on either side of the ply, the one above it.
+    """
     found, triangles = np.flatnonzero(places.found), tool.triangles()
-    feet = np.nan_to_num(sheet.points(places))
-    ends = np.cumsum([cell.shape[1] for cell in tool.cells])
-    numbers = np.split(np.arange(ends[-1]), ends[:-1])
-    element, *_ = cut_in_two(
-        tuple(
-            np.tile(n, (len(cell), 1))
-            for n, cell in zip(numbers, tool.cells, strict=True)
-        )
-    )
-    own = np.full(tool.n_elements, np.inf)
-    _, distance = closest_on_own(tool.points[:, triangles], feet[:, element])
-    np.minimum.at(own, element, distance)
-    nearest, _ = closest_on_triangles(tool.points, triangles, feet[:, found])
-    corners = tool.points[:, triangles[:, nearest]]
-    _, least = closest_on_own(corners, feet[:, found])
-    return np.isin(
-        np.arange(tool.n_elements), found[least < _OTHER_SKIN**2 * own[found]]
-    )
+    feet, centres = sheet.points(places)[:, found], tool.centres()[:, found]
+    upwards = np.cross(fibres[0][:, found], fibres[1][:, found], axis=0)
+    own = centres - feet
+    away = np.linalg.norm(own, axis=0)
+    corners = np.hstack([cell[[0, 1, 2, -1]] for cell in tool.cells])[:, found]
+    hidden = np.zeros(tool.n_elements, dtype=bool)
+    for points, is_tied in ((feet, False), (feet - own, True)):
+        nearest, shares = closest_on_triangles(tool.points, triangles, points)
+        other = (tool.points[:, triangles[:, nearest]] * shares).sum(axis=1) - feet
+        length = np.linalg.norm(other, axis=0)
+        cosine = (other * own).sum(axis=0)
+        if is_tied:
+            below = (own * upwards).sum(axis=0) < 0
+            behind = below & (cosine < -_ALIGNED * length * away)
+            behind &= (_NEARER * length <= away) & (length <= away / _NEARER)
+        else:
+            behind = np.abs(cosine) > _ALIGNED * length * away
+            behind &= length < _NEARER * away
+        beside = triangles[:, None, nearest] == corners
+        hidden[found[behind & ~beside.any(axis=(0, 1))]] = True
+    return hidden
 
 
 def fibres_on_ply(

@@ -164,7 +164,7 @@ def closest_on_triangles(
     point, triangle = tree.pairs(points)
     possible = _may_be_closest(corners, tree.radii, points, point, triangle)
     point, triangle = point[possible], triangle[possible]
-    shares, distance = closest_on_own(corners[..., triangle], points[:, point])
+    shares, distance = _closest(corners[..., triangle], points[:, point])
     order = np.lexsort([distance, point])
     first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
     return triangle[first], shares[:, first]
@@ -199,7 +199,7 @@ def _may_be_closest(
     return least <= most + _ROUND_OFF * square
 
 
-def closest_on_own(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:
+def _closest(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:
     """Barycentric coordinates of closest points, and squared distances.
 
     Corners have the shape (3, 3, n), with the corner number on the second axis.

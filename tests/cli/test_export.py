@@ -154,3 +154,37 @@ def test_a_folder_or_an_export_is_refused(formed, words, text, capsys, monkeypat
             (formed / name / "case_files").symlink_to(formed / "out" / "case_files")
     capsys.readouterr()
     assert text in rejected(capsys, "export", *words.split())
+
+
+def test_exports_leave_other_files_and_decks(formed, tmp_path):
+    """Of a second skin below the part the pattern is not affected."""
+    out = formed / "out"
+    lines = ["*NODE"]
+    for k, depth in enumerate((0.0, 2.0)):
+        for i, (x, y) in enumerate([(-9, -9), (9, -9), (9, 9), (-9, 9)], 1 + 4 * k):
+            lines.append(f"{i}, {x}, {y}, {6.0 - depth}")
+    lines += ["*ELEMENT, TYPE=S4, ELSET=SKIN", "1, 1, 2, 3, 4", "2, 5, 6, 7, 8"]
+    lines += ["*SHELL SECTION, ELSET=SKIN, MATERIAL=M", "1.", ""]
+    (formed / "two.inp").write_text("\n".join(lines))
+    words = "export", str(out), "--thickness", "0.4", "--part-reach", "5", "--deck"
+    assert cli.main([*words, str(formed / "two.inp")]) == 0
+    summary = figures(formed)
+    assert summary["pattern_area_mm2"] == pytest.approx(18**2, rel=0.1)
+    assert summary["part_covered_share_of_elements"] == 0.5
+    (out / "deck" / "notes").mkdir()
+    (out / "deck" / "result.odb").write_text("1")
+    assert cli.main([*words, str(formed / "two.inp"), "--pattern", "csv"]) == 0
+    assert (out / "deck" / "result.odb").exists()
+    trim = ["export", str(out), "--trim", str(formed / "outline.csv")]
+    if (formed / "outline.csv").exists():
+        assert cli.main(trim) == 0
+    assert (out / "deck" / "two.inp").exists()
+    own = (
+        "export",
+        str(out),
+        "--thickness",
+        "1",
+        "--deck",
+        str(out / "deck" / "two.inp"),
+    )
+    assert cli.main(own) == 2

@@ -124,19 +124,23 @@ def test_a_small_reach_excludes_the_other_side_of_a_thin_tool():
 
 
 @pytest.mark.parametrize("upwards", [True, False])
-def test_of_two_skins_the_nearer_one_has_fibres(upwards):
-    """Also if its elements face the ply with their backs."""
+@pytest.mark.parametrize(
+    ("depths", "nearer"),
+    [((0.1, 0.8), 0), ((1.5, 2.5), 0), ((-0.5, 0.5), 0), ((-0.8, 0.4), 1)],
+)
+def test_of_two_skins_one_has_fibres(upwards, depths, nearer):
+    """The nearer or the upper one, also if elements face the ply with their backs."""
     ply, u = on_cylinder()
     skins = [
         tool(lambda X, d=depth: rolled(X) - [[0], [0], [d]], 10, 40, 6)
-        for depth in (0.1, 0.8)
+        for depth in depths
     ]
     n = skins[0].points.shape[1]
     cells = [skins[0].cells[0], skins[1].cells[0][:: 1 if upwards else -1] + n]
     points = np.hstack([skin.points for skin in skins])
     both = drape.ToolMesh(points, (np.hstack(cells),))
-    covered = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), both).covered
-    np.testing.assert_array_equal(covered, np.repeat([True, False], 36))
+    covered = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), both, reach=4.0).covered
+    np.testing.assert_array_equal(covered, np.repeat([nearer == 0, nearer == 1], 36))
 
 
 def test_another_axis_replaces_one_along_the_normal():

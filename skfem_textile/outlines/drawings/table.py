@@ -33,7 +33,7 @@ def curves_of_table(
         If the file cannot be read.
     """
     refuse_unit(unit)
-    points, numbers = points_of_table(path, "xy", IN_MM[unit or "mm"])
+    points, numbers = points_of_table(path, "xy", unit)
     curves = []
     for number in dict.fromkeys(numbers):
         one = points[[own == number for own in numbers]].T
@@ -43,7 +43,7 @@ def curves_of_table(
 
 
 def points_of_table(
-    path: str | os.PathLike[str], axes: str, unit_mm: float = 1.0
+    path: str | os.PathLike[str], axes: str, unit: str | None = None
 ) -> tuple[ndarray, list[str]]:
     """Points in a table in mm, shape (n, n_axes), and their cells of a column curve.
 
@@ -54,8 +54,8 @@ def points_of_table(
         commas, semicolons, tabs or spaces.  Without a header it has these columns only.
     axes
         Names of the columns, such as ``xyz``.
-    unit_mm
-        Unit of columns that name none, in mm.
+    unit
+        Unit of columns that name none, mm by default.
 
     Raises
     ------
@@ -71,12 +71,16 @@ def points_of_table(
     words = ",".join(lines[0][1]).split()
     if len(first) == 1 or (len(words) == len(axes) and all(map(_is_number, words))):
         lines = _split_at_spaces(file, lines, axes)
-    columns, scale, of_curve = [*range(len(axes))], np.full(len(axes), unit_mm), -1
+    columns, scale, of_curve = (
+        [*range(len(axes))],
+        np.full(len(axes), IN_MM[unit or "mm"]),
+        -1,
+    )
     number, head = lines[0]
     if len(head) == len(axes) and all(map(_is_number, head)) and not is_heading:
         lines[0] = number, [cell.replace(",", ".") for cell in head]
     else:
-        columns, scale, of_curve = _columns(file, head, axes, unit_mm)
+        columns, scale, of_curve = _columns(file, head, axes, unit)
         del lines[0]
     points, curves = [], []
     for number, row in lines:
@@ -128,7 +132,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _columns(
-    file: str, header: list[str], axes: str, unit_mm: float = 1.0
+    file: str, header: list[str], axes: str, given: str | None = None
 ) -> tuple[list[int], ndarray, int]:
     """Columns of the axes, their units in mm, and the column of curves or −1."""
     found = [HEADING.fullmatch(cell) for cell in header]
@@ -141,7 +145,8 @@ def _columns(
             f"{file}, row 1: the header must name the columns {', '.join(axes[:-1])} "
             f"and {axes[-1]}"
         )
-    columns, in_mm = [names.index(axis) for axis in axes], np.full(len(axes), unit_mm)
+    columns = [names.index(axis) for axis in axes]
+    in_mm = np.full(len(axes), IN_MM[given or "mm"])
     for i, column in enumerate(columns):
         if (one := found[column]) is None:
             continue
@@ -149,6 +154,11 @@ def _columns(
             raise ValueError(
                 f"{file}, row 1: the unit must be one of {', '.join(IN_MM)}, got "
                 f"'{excerpt(unit)}'"
+            )
+        if given not in (None, unit):
+            raise ValueError(
+                f"{file}, row 1: the table is in {unit}, and the given unit is "
+                f"{given}: omit one of them"
             )
         in_mm[i] = IN_MM[unit]
     return columns, in_mm, names.index("curve") if "curve" in names else -1
