@@ -461,7 +461,8 @@ def _outlined(file: CaseFile, density: float) -> "Scene":
     mesh = quadrilaterals(outline, (across, along)).translated(-middle)
     area = outline.shape().area
     share = np.abs(signed_areas(*mesh.p[:, mesh.t])).sum() / area
-    chords = f", whose elements cover {100 * share:.1f} % of it" * (share < _WHOLE)
+    lost = f", whose elements cover {100 * share:.1f} % of it"
+    chords = lost if share < _WHOLE else ""
     if middle.any() or chords:
         log.warning(
             "%s: the middle of the outline, %s mm, is the centre of the ply%s",

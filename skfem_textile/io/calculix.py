@@ -23,8 +23,8 @@ from .part_abaqus import AbaqusDeck, Group, first_words, type_of
 # Width of classes of directions in degrees, and of classes of relative thickness.
 _CLASS_DEG, _CLASS_THICKNESS = 0.1, 1e-3
 
-# Material of the outer layers: a modulus far below those of fibres and resins (N/mm2),
-# and a density (t/mm3) that makes its own frequencies high.
+# Material of the outer layers: a modulus far below fibres and resins (N/mm2), and a
+# density (t/mm3) that makes its own frequencies high.
 _FILLING = "FILLING"
 _FILLING_LINES = (
     *(f"*MATERIAL, NAME={_FILLING}", "*ELASTIC", "1., 0.", "*DENSITY", "1e-15"),

@@ -189,7 +189,7 @@ def test_a_moved_instance_vibrates_as_the_plate_itself(tmp_path):
 
 
 def test_decks_with_several_instances_are_not_written_for_calculix(tmp_path, caplog):
-    """One line says so; the copy is written."""
+    """One line reports it; the copy is written."""
     path = tmp_path / "a.inp"
     lines = ["*Part, name=P", "*Node", "1, 0, 0, 0", "2, 1, 0, 0", "3, 0, 1, 0"]
     lines += ["*Element, type=S3", "1, 1, 2, 3", "*End Part", "*Assembly, name=A"]
