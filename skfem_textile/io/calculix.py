@@ -2,7 +2,7 @@
 
 CalculiX ignores ``*DISTRIBUTION`` under shells.  Each class of similar directions and
 thickness has its own section and orientations.  Where the thickness changes, CalculiX
-makes nodes rigid, and has no room for those of several layers.  Outer layers without
+makes nodes rigid, and has no room for several layers there.  Outer layers without
 stiffness and mass therefore fill all sections to the same thickness.
 """
 
