@@ -95,7 +95,7 @@ def test_the_written_case_has_every_default(tmp_path):
             ],
             "solver": "auto",
         },
-        "output": {"pictures": False},
+        "output": {"pictures": False, "calculix": False},
     }
     assert "# tolerance is not given" in text
 

@@ -191,7 +191,7 @@ def test_the_fibre_law_acts_on_all_stretches_along_resolved_layers():
     mesh = mesh_outline(Outline([[0, W, W, 0], [0, 0, H, H]]), fabric(), held())
     ply = Ply(mesh, fabric(), Quadratic(400.0, points=6))
     E_d = ply.parameters_at_rest["tension"]["E_d"][..., 0]
-    along = np.isclose(E_d, E)
+    along = np.isclose(E_d, E, rtol=2e-3)
     assert 0.3 < along.any(axis=0).mean() < 0.9
     assert not along.all(axis=0).any()
     assert E_d[::-1][along].max() < 0.01 * E
