@@ -408,6 +408,9 @@ class ContactPoints:
 
     def matrices(self, K: ndarray) -> ndarray:
         """Arguments of `Pattern.sum` for blocks at the points, (3, 3, n_nodes)."""
+        for nodes, N in self._mirrors:  # as their positions
+            along = np.eye(3) - np.outer([*N, 0.0], [*N, 0.0])
+            K[:, :, nodes] = np.einsum("ij,jkn,kl->iln", along, K[:, :, nodes], along)
         one, other = self._weights[np.array(np.triu_indices(len(self.nodes)))]
         return (one * other)[:, None, None] * K
 
