@@ -402,15 +402,19 @@ class ContactPoints:
             x[:2, nodes] -= np.outer(N, off)
         return x
 
+    def along_planes(self, K: ndarray) -> ndarray:
+        """Blocks at the points, (3, 3, n_nodes), for motions ``in_planes``."""
+        for nodes, N in self._mirrors:
+            along = np.eye(3) - np.outer([*N, 0.0], [*N, 0.0])
+            K[:, :, nodes] = np.einsum("ij,jkn,kl->iln", along, K[:, :, nodes], along)
+        return K
+
     def nodal(self, f: ndarray) -> ndarray:
         """DOF vector of forces on the contact points, shape (n_nodes, 3)."""
         return np.ravel(self.matrix.T @ f)
 
     def matrices(self, K: ndarray) -> ndarray:
         """Arguments of `Pattern.sum` for blocks at the points, (3, 3, n_nodes)."""
-        for nodes, N in self._mirrors:  # as their positions
-            along = np.eye(3) - np.outer([*N, 0.0], [*N, 0.0])
-            K[:, :, nodes] = np.einsum("ij,jkn,kl->iln", along, K[:, :, nodes], along)
         one, other = self._weights[np.array(np.triu_indices(len(self.nodes)))]
         return (one * other)[:, None, None] * K
 
@@ -555,7 +559,7 @@ class ToolContact(ContactTerm):
             normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
             K[..., nodes] = kappa[nodes] * normal[:, None] * normal
             K[..., nodes] -= p["force"][nodes] * H
-        return self._points.matrices(K)
+        return self._points.matrices(self._points.along_planes(K))
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
         """Derivative of the residual at forces λ."""
