@@ -69,7 +69,7 @@ log = logging.getLogger(__name__)
 # Name of the subdomain of elements outside all regions.
 _OTHERS = "elements in no region"
 
-# Share of the area of an outline below which the loss by chords is said.
+# Share of the area of an outline below which the loss by chords is reported.
 _WHOLE = 0.999
 
 # Density of the mesh of a drawing before the conditions are known.

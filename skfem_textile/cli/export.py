@@ -4,7 +4,8 @@ import argparse
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from glob import escape
+from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar
 
 import numpy as np
@@ -98,9 +99,20 @@ def decks_in(folder: Path) -> tuple[str, ...]:
     """Files of the deck that an earlier export wrote into a folder."""
     try:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        return tuple(map(str, summary.get("deck_files", ())))
+        return _deck_files(summary)
     except (OSError, ValueError, AttributeError, TypeError):
         return ()
+
+
+def _deck_files(summary: Mapping[str, Any]) -> tuple[str, ...]:
+    """Glob patterns of the files below the folder of the deck, and of no others."""
+    names = map(str, summary.get("deck_files", ()))
+    parts = ((name, PurePosixPath(name).parts) for name in names)
+    return tuple(
+        escape(name)
+        for name, path in parts
+        if path[:1] == (_DECK,) and ".." not in path[1:]
+    )
 
 
 def write_patterns(
@@ -203,7 +215,7 @@ class PartExport:
         """Files that `write` replaces, of an export with this summary."""
         names = [*_PART] if self.part else []
         names += [*PATTERN] if self.curves or self.no_curves else []
-        names += summary.get("deck_files", ()) if self.deck else ()
+        names += _deck_files(summary) if self.deck else ()
         return tuple(names)
 
     def write(self, sheet: Sheet, reason: str, folder: Path) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import pytest
 from skfem_textile import drape
 from skfem_textile.cases import read_result
 from skfem_textile.cli import main as cli
+from skfem_textile.cli.export import decks_in
 from skfem_textile.io import write_pattern
 from tests.helpers import graph
 from tests.helpers.command_line import rejected
@@ -188,3 +189,10 @@ def test_exports_leave_other_files_and_decks(formed, tmp_path):
         str(out / "deck" / "two.inp"),
     )
     assert cli.main(own) == 2
+
+
+def test_files_removed_before_an_export_are_below_its_deck(tmp_path):
+    names = ["deck/a[1].inp", "deck/more/b.inp", "/deck/c", "../d", "deck/../e", "f"]
+    summary = json.dumps({"deck_files": names})
+    (tmp_path / "summary.json").write_text(summary, encoding="utf-8")
+    assert decks_in(tmp_path) == ("deck/a[[]1].inp", "deck/more/b.inp")
