@@ -6,7 +6,6 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import ezdxf
 import numpy as np
 import pytest
 
@@ -16,6 +15,8 @@ from skfem_textile.io import read_part_deck
 from tests.helpers.command_line import summary_in
 
 pytestmark = pytest.mark.slow
+
+ezdxf = pytest.importorskip("ezdxf")
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "part"
 PARTS = runpy.run_path(str(EXAMPLE / "inputs.py"))
