@@ -138,7 +138,7 @@ _SETTINGS: dict[type[declared.Scene], dict[str, Any]] = {
 }
 
 #: Order of the keys of forming by tools with two planes of symmetry.
-_OF_SYMMETRIC = ["gap", "part", "clearance", "radius", "fillet", "travel"]
+_OF_SYMMETRIC = [*("gap", "part", "centre", "clearance"), "radius", "fillet", "travel"]
 
 
 def _table_of(scene: type[declared.Scene]) -> type[Scene]:

@@ -382,11 +382,15 @@ class Formed(WithTools):
     )
 
 
+_CENTRE = "centre of the ply, x and y in the axes of the tools"
+
+
 @declaration(kw_only=True)
 class FormedBySymmetricTools(Formed):
     """A ply between tools with two planes of symmetry."""
 
     part: Part | None = key(_PART, default=None)
+    centre: tuple[float, float] = mm(_CENTRE, default=(0.0, 0.0))
 
 
 _GAP = "distance between die and holder"
@@ -445,9 +449,7 @@ class Forming(Formed):
         default=None,
         name="holder_gap",
     )
-    centre: tuple[float, float] = mm(
-        "centre of the ply, x and y in the axes of the tools", default=(0.0, 0.0)
-    )
+    centre: tuple[float, float] = mm(_CENTRE, default=(0.0, 0.0))
     pressure: float | None = key(
         "instead of the gap: pressure of the holder in N/mm2 on the ply under the "
         "flat flange of the die",

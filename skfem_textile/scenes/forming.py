@@ -26,7 +26,7 @@ from ..contact.obstacle import refuse_extent
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
 from ..mesh.checks import MeshError
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers, shortened
 from ..ply.terms import VectorTerm
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
@@ -209,6 +209,9 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     ----------
     mesh, size, jitter, seed, fibres, width, height, tension, part
         See `formed_ply`.
+    centre
+        Centre of the ply, x and y in mm from the axis of the tools; the whole ply is
+        computed if it is not 0.
     radius
         Radius of the punch in mm.
     fillet
@@ -237,13 +240,13 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     """
     name = "hemisphere_forming"
     radius, gap = positive_length(f"{name}: radius", given.radius), given.gap
-    middle = 0.5 * _gap(name, gap)
-    punch = Punch(radius, (0.0, 0.0, -radius - middle))
+    middle, (x, y) = 0.5 * _gap(name, gap), _centre(name, given.centre)
+    punch = Punch(radius, (-x, -y, -radius - middle))
     hole = radius + positive_length(f"{name}: clearance", given.clearance)
-    die = Die(hole, given.fillet, (0.0, 0.0, middle))
+    die = Die(hole, given.fillet, (-x, -y, middle))
     travel = positive_length(f"{name}: travel", given.travel)
     tools = _press_tools(name, punch, die, travel, gap)
-    return formed_ply(name, tools, given.mesh, **given.ply())
+    return _whole_if_moved(name, tools, given.mesh, given)
 
 
 @with_parameters(declared.DoubleDomeForming)
@@ -278,22 +281,52 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
             f"{name}: the travel must be at most the height of the dome, {height:g} "
             f"mm, got {travel:g} mm"
         )
-    punch = _raised(dome(height, length, width), -middle)
+    x, y = _centre(name, given.centre)
+    punch = _moved(dome(height, length, width), (x, y, middle))
     clearance = positive_length(f"{name}: clearance", given.clearance)
     cavity = dome(height, length + clearance, width + clearance)
-    tools = _press_tools(
-        name, punch, _raised(cavity, height + middle), travel, given.gap
-    )
-    return formed_ply(name, tools, given.mesh, **given.ply())
+    die = _moved(cavity, (x, y, -height - middle))
+    tools = _press_tools(name, punch, die, travel, given.gap)
+    return _whole_if_moved(name, tools, given.mesh, given)
 
 
-def _raised(surface: HeightField, rise: float) -> HeightField:
-    return HeightField(partial(_height, surface=surface, rise=rise))
+def _whole_if_moved(
+    name: str,
+    tools: Sequence[Tool | Holder],
+    mesh: str | Mesh,
+    given: declared.FormedBySymmetricTools,
+) -> Scene:
+    """Scene of a ply, which is whole if its centre is beside the axis of the tools."""
+    axes, ply = Axes(np.append(_centre(name, given.centre), 0.0)), given.ply()
+    if any(given.centre):
+        if given.part == "quarter":
+            raise ValueError(
+                f"{name}: a quarter of the ply has its centre on the axis of the "
+                "tools: use the whole ply, or the centre (0, 0)"
+            )
+        ply["part"] = "whole"
+    return formed_ply(name, tools, mesh, axes, **ply)
 
 
-def _height(x: ndarray, y: ndarray, surface: HeightField, rise: float) -> Height:
-    height = surface.height(x, y)
-    return height._replace(h=height.h + rise)
+def _centre(name: str, centre: tuple[float, float]) -> ndarray:
+    point = real_numbers(f"{name}: centre", centre)
+    if point.shape != (2,) or not np.isfinite(point).all():
+        raise ValueError(
+            f"{name}: the centre must be two finite numbers, got {shortened(centre)}"
+        )
+    return point
+
+
+def _moved(surface: HeightField, origin: tuple[float, float, float]) -> HeightField:
+    """The same surface in axes with this origin."""
+    return HeightField(partial(_height, surface=surface, origin=origin))
+
+
+def _height(
+    x: ndarray, y: ndarray, surface: HeightField, origin: tuple[float, float, float]
+) -> Height:
+    height = surface.height(x + origin[0], y + origin[1])
+    return height._replace(h=height.h - origin[2])
 
 
 @with_parameters(declared.Forming)
@@ -337,7 +370,8 @@ def forming(given: declared.Forming) -> Scene:
     _refuse_units(punch, die)
     middle, up = 0.5 * gap, float(np.sign(travel))
     flange = float((up * die.facets.points[2]).min())
-    axes = Axes(np.array([*given.centre, up * (flange - middle)]))
+    centre = _centre("forming", given.centre)
+    axes = Axes(np.append(centre, up * (flange - middle)))
     punch, die = punch.moved(*axes), die.moved(*axes)
     outline = None if pressure is None else _flange(die, up, flange)
     sides = _side(punch, up), _side(die, -up)

@@ -239,6 +239,11 @@ def test_bad_input_is_one_line(files, tmp_path):
     tiny = read_surface(bowl(tmp_path / "tiny.stl", 2.0, 490.0, side=9.0))
     of_metres = TriangleMesh(1e3 * die.facets.points, die.facets.cells[0])
     for build, message in (
+        (lambda: hemisphere_forming(centre=(1, np.nan)), "centre must be two finite"),
+        (
+            lambda: hemisphere_forming(centre=(9, 0), part="quarter"),
+            "a quarter of the ply has its centre on the axis",
+        ),
         (lambda: hemisphere_forming(gap=-0.1), "holder gap must be a length of at"),
         (lambda: hemisphere_forming(travel=0.0), "travel must be a positive length"),
         (lambda: hemisphere_forming(radius=-1.0), "radius must be a positive length"),

@@ -101,10 +101,23 @@ def test_fibres_at_any_angle_have_no_holding_force():
 
 
 def test_a_ply_beside_the_axis_of_the_tools_is_held_and_says_so():
-    mesh = MeshQuad().refined(1).translated((-0.5, -0.5)).scaled(160.0)
-    mesh = mesh.translated((9.0, 0.0)).with_defaults()
+    square = MeshQuad().refined(1).translated((-0.5, -0.5)).scaled(160.0)
+    mesh = square.translated((9.0, 0.0)).with_defaults()
     scene = hemisphere_forming(mesh, radius=30.0, travel=2.0, part="whole")
     assert "held" in summary(scene)
+
+
+@pytest.mark.parametrize("scene", [hemisphere_forming, double_dome_forming])
+def test_a_centre_places_the_ply_in_the_axes_of_the_tools(scene):
+    square = MeshQuad().refined(2).translated((-0.5, -0.5)).scaled(200.0)
+    moved = scene(square.with_defaults(), travel=2.0, centre=(7.0, -5.0))
+    beside = square.translated((7.0, -5.0)).with_defaults()
+    still = scene(beside, travel=2.0, part="whole")
+    for a, b in zip(moved.tools, still.tools, strict=True):
+        here = np.vstack([square.p, 0.0 * square.p[:1]])
+        there = np.vstack([beside.p, 0.0 * beside.p[:1]])
+        assert np.allclose(a.surface.level(here)[0], b.surface.level(there)[0])
+        assert np.allclose(a.stated(here), there)
 
 
 def test_a_double_dome_is_formed_to_its_full_travel():
