@@ -33,6 +33,13 @@ def chain(request, tmp_path_factory):
     return folder
 
 
+def test_the_tutorial_has_the_commands_of_the_script():
+    page = (EXAMPLE.parents[1] / "docs" / "tutorial" / "part.md").read_text()
+    commands = (EXAMPLE / "part.sh").read_text().replace(' "$@"', "").splitlines()[2:]
+    assert len(commands) == 6
+    assert [x for x in page.splitlines() if x.startswith("skfem-textile ")] == commands
+
+
 def test_the_script_writes_report_deck_and_pattern(chain):
     assert (chain / "formed" / "report.html").stat().st_size > 10_000
     summary = summary_in(chain / "formed")
