@@ -56,6 +56,11 @@ _AIM = 25.0
 # The same beside nodes that do not move: below Ruppert's bound.
 _AIM_BESIDE_LATTICE = 20.0
 
+# Largest turn of a curved outline, in radians, along an edge of such meshes.  Small
+# holes have eight edges: more of them make slivers, which cost solves between tools
+# (`python -m studies forming --case "outline,*"`).
+_TURN_BESIDE_LATTICE = np.pi / 4
+
 # Circumradius of a triangle relative to the size above which it is divided; 0.577 for
 # an equilateral triangle of this size.
 _LARGEST = 0.8
@@ -152,7 +157,8 @@ def triangles(
     points = np.empty((2, 0)) if fixed is None else fixed
     points = np.hstack([points, _corners(shape, _SIDE * size)])
     kept = _without_doubles(shape, lines, size, borders)
-    p, segments = _divided(*_chains(shape, *kept, size, points), size)
+    turn_of_side = CORNER if lattice is None else _TURN_BESIDE_LATTICE
+    p, segments = _divided(*_chains(shape, *kept, size, points), size, turn_of_side)
     inner = _rows(shape, size, turn) if lattice is None else lattice
     return _Refinement(p, segments, size).run(inner, moves=lattice is None)
 
@@ -389,9 +395,12 @@ class _Segments:
 
 
 def _divided(
-    x: ndarray, chains: list[_Chain], size: float
+    x: ndarray, chains: list[_Chain], size: float, turn: float
 ) -> tuple[ndarray, _Segments]:
-    """Nodes and segments of chains that are divided into parts of a size."""
+    """Nodes and segments of chains that are divided into parts of a size.
+
+    A curved chain turns by at most ``turn`` in each part, in radians.
+    """
     ends_of_chain = np.array([c.ends for c in chains])
     used, numbers = np.unique(ends_of_chain, return_inverse=True)
     ends_of_chain = numbers.reshape(-1, 2)
@@ -403,7 +412,9 @@ def _divided(
         points, ends, of = [x[used]], [], []
         n = len(used)
         for i, chain in enumerate(chains):
-            inner = _along(chain, spacing[i], acute[ends_of_chain[i]], least[i])
+            fewest = max(1, int(np.ceil(chain.turn / turn)))
+            at_ends = acute[ends_of_chain[i]]
+            inner = _along(chain, spacing[i], at_ends, least[i], fewest)
             k = np.arange(n, n + len(inner))
             k = np.concatenate([ends_of_chain[i, :1], k, ends_of_chain[i, 1:]])
             ends.append(np.stack([k[:-1], k[1:]], axis=1))
@@ -445,8 +456,10 @@ def _acute_corners(
     return acute
 
 
-def _along(chain: _Chain, spacing: float, acute: ndarray, least: float) -> ndarray:
-    """Inner nodes of a chain, shape (n, 2)."""
+def _along(
+    chain: _Chain, spacing: float, acute: ndarray, least: float, fewest: int
+) -> ndarray:
+    """Inner nodes of a chain with at least ``fewest`` parts, shape (n, 2)."""
     s = chain.s
     if spacing <= least:  # the line itself, divided
         n = np.maximum(1, np.ceil(np.diff(s) / spacing - 1e-6)).astype(int)
@@ -456,9 +469,7 @@ def _along(chain: _Chain, spacing: float, acute: ndarray, least: float) -> ndarr
         ]
         at = np.concatenate(parts)[1:]
     else:
-        fewest = max(
-            1, int(np.ceil(chain.turn / CORNER)), 3 * (chain.ends[0] == chain.ends[1])
-        )
+        fewest = max(fewest, 3 * (chain.ends[0] == chain.ends[1]))
         inner, low, high = [], 0.0, s[-1]
         first = spacing * 2.0 ** -np.ceil(max(0, np.log2(2.5 * spacing / s[-1])))
         if acute[0] and s[-1] > 1.2 * spacing:
