@@ -12,11 +12,11 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix, identity
 
-#: Least number of elements of a patch: three by three determine a quadratic polynomial.
-LEAST = 9
+# Least number of elements of a patch: three by three determine a quadratic polynomial.
+_LEAST = 9
 
 # Maximum number of rings of elements around a node; a mesh of fewer elements than
-# `LEAST` has no larger patch.
+# `_LEAST` has no larger patch.
 _MOST_RINGS = 5
 
 # Weight exp(−4 r²), with r relative to the root mean square distance of the patch: the
@@ -28,7 +28,7 @@ _DECAY = 4.0
 _LEAST_SHARE = 1e-12
 
 
-def recovered(mesh: Any, values: ndarray, least: int = LEAST) -> ndarray:
+def recovered(mesh: Any, values: ndarray) -> ndarray:
     """Smooth values at the vertices of a mesh.
 
     Parameters
@@ -37,8 +37,6 @@ def recovered(mesh: Any, values: ndarray, least: int = LEAST) -> ndarray:
         Mesh of triangles or quadrilaterals in the plane.
     values
         Values at the centres of the elements, shape (n_elements,).
-    least
-        Least number of elements of a patch.
 
     Returns
     -------
@@ -58,7 +56,7 @@ def recovered(mesh: Any, values: ndarray, least: int = LEAST) -> ndarray:
     patch, grown = touch, touch.T @ touch
     for rings in range(2, _MOST_RINGS + 1):
         patch = (patch @ grown).tocsr()
-        large = np.diff(patch.indptr) >= least
+        large = np.diff(patch.indptr) >= _LEAST
         large |= rings == _MOST_RINGS
         if large.any():
             smooth[nodes[large]] = _fitted(mesh, values, nodes[large], patch[large])

@@ -6,32 +6,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.recovery import LEAST, recovered
+from ..mesh.recovery import recovered
 from ..ply import Ply
 from .quantities import IN_SPACE
 
 if TYPE_CHECKING:
     from .interval import ErrorInterval
 
-# Least number of elements of wider patches: they have one more ring than others.
-_WIDER = 17
 
-# Half-width over the change of the angle with wider patches.
-_OF_WIDER = 2.0
-
-
-def largest_shear_angle(ply: Ply, u: ndarray, least: int = LEAST) -> float:
-    """Largest shear angle in radians, at the nodes or the element centres.
-
-    Parameters
-    ----------
-    ply, u
-        The ply, and a displacement.
-    least
-        See `recovered`.
-    """
+def largest_shear_angle(ply: Ply, u: ndarray) -> float:
+    """Largest shear angle in radians, recovered at the nodes or at the centres."""
     angle = ply.shear_angle(u, ply.centre)[:, 0]
-    at_nodes = recovered(ply.mesh, angle, least)
+    at_nodes = recovered(ply.mesh, angle)
     return float(max(np.abs(at_nodes).max(), np.abs(angle).max()))
 
 
@@ -40,13 +26,21 @@ def figures_of_shear(
 ) -> dict[str, float | None]:
     """Recovered largest shear angle in degrees and its half-width, for a summary.
 
-    The half-width of the error interval is increased by twice the change of the
-    recovered angle with wider patches; it is None if there is no interval.
+    The half-width of the error interval is increased by the difference between the
+    recovered and the computed angle around the peak (Zienkiewicz & Zhu 1992); it is
+    None if there is no interval.
     """
     value, half = largest_shear_angle(ply, u), None
     with suppress(ValueError):
         low, high = error.of(largest_shear_angle)
-        wider = abs(largest_shear_angle(ply, u, _WIDER) - value)
-        half = float(np.degrees((high - low) / 2 + _OF_WIDER * wider))
+        half = float(np.degrees((high - low) / 2 + _difference_at_peak(ply, u)))
     key = IN_SPACE.key
     return {key: float(np.degrees(value)), f"{key}_half_width": half}
+
+
+def _difference_at_peak(ply: Ply, u: ndarray) -> float:
+    """Root mean square difference of the angles in the elements at the peak."""
+    angle, t = ply.shear_angle(u, ply.centre)[:, 0], ply.mesh.t
+    near = np.isin(t, t[:, np.abs(angle).argmax()]).any(axis=0)
+    off = recovered(ply.mesh, angle)[t].mean(axis=0) - angle
+    return float(np.sqrt(np.mean(off[near] ** 2)))
