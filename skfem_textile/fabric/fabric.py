@@ -19,6 +19,7 @@ from .law import (
     TwoLaws,
     closest_end,
     domain_of,
+    keep,
     law_at,
     refuse_other_units,
 )
@@ -115,9 +116,12 @@ class Fabric:
     def __post_init__(self) -> None:
         keep_copies(self, "tension", "shear", "warp", "weft")
         _ = self.families, self.shear_law
-        object.__setattr__(self, "bending", _bending(self.bending))
-        object.__setattr__(self, "twist", _stiffness("twist", self.twist))
-        object.__setattr__(self, "wrinkling_angle", _angle(self.wrinkling_angle))
+        keep(
+            self,
+            bending=_bending(self.bending),
+            twist=_stiffness("twist", self.twist),
+            wrinkling_angle=_angle(self.wrinkling_angle),
+        )
         if any(hasattr(f.direction, "region") for f in self.families):
             return  # each of its fabrics is valid
         families = [f for f in self.families if not callable(f.direction)]

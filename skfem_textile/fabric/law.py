@@ -341,7 +341,7 @@ class TwoLaws(BiaxialLaw):
 
     def of_family(self, family: int, strain: Any = (0.0, 0.0)) -> Law:
         """Law of the family."""
-        return (self.warp, self.weft)[family]
+        return self.laws[family]
 
     @property
     def domain(self) -> tuple[Any, Any]:
@@ -352,7 +352,7 @@ class TwoLaws(BiaxialLaw):
     def _each(self, part: str, strain: ndarray) -> list[ndarray]:
         return [
             np.broadcast_to(getattr(law, part)(x), np.shape(x))
-            for law, x in zip((self.warp, self.weft), strain, strict=True)
+            for law, x in zip(self.laws, strain, strict=True)
         ]
 
 
@@ -374,6 +374,12 @@ def mean_slope(law: Law, strain: ndarray) -> ndarray:
     slope = np.where(width > 0, rise / np.where(width > 0, width, 1.0), np.nan)
     known = np.where(np.isfinite(slope), slope, law.tangent(strain))
     return np.maximum(known, 0.0)
+
+
+def keep(law: Any, **values: Any) -> None:
+    """Set validated parameters of a frozen law."""
+    for name, value in values.items():
+        object.__setattr__(law, name, value)
 
 
 # Share of a nearby value below which a law is zero at rest: round-off.

@@ -83,6 +83,10 @@ class EndEdges:
         """A·N, shape (n,)."""
         return (self.A * self.N).sum(axis=0)
 
+    def where(self, chosen: Any) -> "EndEdges":
+        """Some of the edges, by a mask or a slice."""
+        return EndEdges(self.facets[chosen], self.A[:, chosen], self.N[:, chosen])
+
 
 @dataclass(frozen=True, eq=False)
 class Clamps:
@@ -127,8 +131,7 @@ def edges_with_fibres(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
 def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
     """Boundary edges not parallel to fibres; parameters as in `edges_with_fibres`."""
     edges = edges_with_fibres(mesh, A, facets)
-    meets = np.abs(edges.across) > _ALONG
-    return EndEdges(facets[meets], edges.A[:, meets], edges.N[:, meets])
+    return edges.where(np.abs(edges.across) > _ALONG)
 
 
 # Threshold below which an eigenvalue of a sum of N⊗N is treated as zero.
@@ -187,12 +190,14 @@ def _OF_JUMP(u, v, w):
     return 0.5 * v * dot(w["jump"], grad(u))
 
 
+def _sides(mesh: Any, element: Any, order: int) -> list[InteriorFacetBasis]:
+    """Bases of interior edges in the elements on both sides."""
+    return [InteriorFacetBasis(mesh, element, intorder=order, side=i) for i in (0, 1)]
+
+
 def _of_jumps_between_quadrilaterals(mesh: Any, A: ndarray, B: ndarray) -> Any:
     """∮ φ_i ½ [(A·N) B + (B·N) A]·{∇φ_j} over interior edges; [] is the jump."""
-    sides = [
-        InteriorFacetBasis(mesh, ElementQuad1(), intorder=3, side=side)
-        for side in (0, 1)
-    ]
+    sides = _sides(mesh, ElementQuad1(), 3)
     n = np.asarray(sides[0].normals)
     one, other = (
         0.5 * (dot(a, n) * b + dot(b, n) * a)
@@ -290,9 +295,8 @@ def _planes(mirrors: EndEdges, d: int) -> Iterator[tuple[EndEdges, ndarray]]:
     """Edges on each plane of symmetry, and the projector on the even components."""
     for normal in np.unique(mirrors.N.round(9), axis=1).T:
         on = np.abs(mirrors.N - normal[:, None]).max(axis=0) < 1e-8
-        edges = EndEdges(mirrors.facets[on], mirrors.A[:, on], mirrors.N[:, on])
         N = np.pad(normal, (0, d - 2))
-        yield edges, np.eye(d) - np.outer(N, N)
+        yield mirrors.where(on), np.eye(d) - np.outer(N, N)
 
 
 @BilinearForm
@@ -305,14 +309,10 @@ def _JUMP(u, v, w):
     return w["stiffness"] * dot(w.n, grad(u)) * dot(w.n, grad(v))
 
 
-def _sides(mesh: Any, element: Any) -> list[InteriorFacetBasis]:
-    return [InteriorFacetBasis(mesh, element, intorder=2, side=i) for i in (0, 1)]
-
-
 def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
     """∮ (A·n)(B·{∇u}) over the edges of each triangle that are inside the ply."""
     slopes, triangles = (
-        _sides(mesh, element()) for element in (ElementTriP2, ElementTriP0)
+        _sides(mesh, element(), 2) for element in (ElementTriP2, ElementTriP0)
     )
     n = np.asarray(slopes[0].normals)
     inside: Any = 0.0
@@ -348,7 +348,7 @@ def _of_jumps(
     mesh: Any, along: tuple[ndarray, ndarray], D: ndarray, area: ndarray
 ) -> Any:
     """Penalty on jumps of the slope between triangles."""
-    sides = _sides(mesh, ElementTriP2())
+    sides = _sides(mesh, ElementTriP2(), 2)
     n, length = np.asarray(sides[0].normals), sides[0].dx.sum(axis=1)[:, None]
     A, B = ([dot(x[:, side.tind, None], n) for side in sides] for x in along)
     most = np.max(
@@ -438,7 +438,7 @@ def twist_matrix(
     """
     mesh: Mesh = basis.mesh
     edges = edges_with_fibres(mesh, A, mesh.boundary_facets())
-    none = EndEdges(edges.facets[:0], edges.A[:, :0], edges.N[:, :0])
+    none = edges.where(slice(0))
     return _matrix(basis, (A, B), D, edges, clamps(none, []), none)
 
 
@@ -459,10 +459,9 @@ def _matrix(
     """
     mesh: Mesh = basis.mesh
     d = components(basis)
-    if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]
-        K = matrix_of_quadrilaterals(mesh, along, D, free, clamped, mirrors, d)
-    else:
-        K = matrix_of_triangles(mesh, along, D, free, clamped, mirrors, d)
+    quads = isinstance(basis.elem.elem, ElementQuad1)  # type: ignore[attr-defined]
+    matrix = matrix_of_quadrilaterals if quads else matrix_of_triangles
+    K = matrix(mesh, along, D, free, clamped, mirrors, d)
     return csr_matrix((K + K.T) / 2)
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..law import BiaxialLaw, Law, ScalarLaw, inner_law, number, pair
+from ..law import BiaxialLaw, Law, ScalarLaw, inner_law, keep, number, pair
 from .tension import CrimpToe
 
 # Newton step, relative to the range of the amplitude, below which the iteration ends;
@@ -21,6 +21,7 @@ from .tension import CrimpToe
 _STEP = 1e-12
 
 # Maximum number of iterations: more than two for each bisection needed for this step.
+# Of a cell, the steepest table takes 30.
 _MOST_ITERATIONS = 100
 
 
@@ -102,19 +103,15 @@ class CrimpInterchange(BiaxialLaw):
     initial_stiffness: float
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("stiffness", pair("stiffness", self.stiffness, above=0)),
-            ("crimp", pair("crimp", self.crimp)),
-            ("bending", number("bending", self.bending, above=0)),
-            ("toe", number("toe", self.toe, above=0)),
-            ("initial_stiffness", number("initial stiffness", self.initial_stiffness)),
-        ):
-            object.__setattr__(self, name, value)
-        if max(self._crimps) > _MOST_CRIMP:
-            raise ValueError(
-                f"crimp must be a ratio of at most {_MOST_CRIMP}, such as 0.01 for 1 "
-                f"%, got {self.crimp}"
-            )
+        keep(
+            self,
+            stiffness=pair("stiffness", self.stiffness, above=0),
+            crimp=pair("crimp", self.crimp),
+            bending=number("bending", self.bending, above=0),
+            toe=number("toe", self.toe, above=0),
+            initial_stiffness=number("initial stiffness", self.initial_stiffness),
+        )
+        _refuse_percent(self._crimps, _MOST_CRIMP)
 
     @property
     def shown(self) -> tuple[float, float]:
@@ -208,6 +205,15 @@ class CrimpInterchange(BiaxialLaw):
         return np.sqrt(2 * np.array(self._crimps))
 
 
+def _refuse_percent(crimps: Sequence[float], most: float) -> None:
+    """Refuse crimps of warp and weft beyond the largest ratio."""
+    if max(crimps) > most:
+        raise ValueError(
+            f"crimp must be a ratio of at most {most:g}, such as 0.01 for 1 %, got "
+            f"{crimps}"
+        )
+
+
 # Newton step, relative to the heights of the crimp, below which the iteration ends.
 _CELL_STEP = 1e-13
 
@@ -218,9 +224,6 @@ _ROUNDING = 1e-15
 # hides the decrease of the energy.  Chosen: Newton's method converges quadratically
 # there.
 _NEAR = 1e-6
-
-# Maximum number of iterations: the steepest table takes 30.
-_CELL_ITERATIONS = 200
 
 # Largest crimp.  It detects a crimp in percent.
 _CELL_CRIMP = 1.0
@@ -251,8 +254,7 @@ class Softening(ScalarLaw):
 
     def __post_init__(self) -> None:
         K = number("stiffness", self.stiffness, above=0)
-        object.__setattr__(self, "stiffness", K)
-        object.__setattr__(self, "softening", number("softening", self.softening))
+        keep(self, stiffness=K, softening=number("softening", self.softening))
 
     def energy(self, x: ndarray) -> ndarray:
         """Integral of the force from 0."""
@@ -343,17 +345,15 @@ class CrimpedYarns(BiaxialLaw):
     def __post_init__(self) -> None:
         if not isinstance(self.yarns, tuple | list) or len(self.yarns) != 2:
             raise ValueError("yarns must be a pair of laws (warp, weft)")
-        yarns = tuple(inner_law("yarn", yarn) for yarn in self.yarns)
-        object.__setattr__(self, "yarns", yarns)
-        object.__setattr__(self, "crimp", pair("crimp", self.crimp, above=0))
-        if max(self.crimp) > _CELL_CRIMP:
-            raise ValueError(
-                f"crimp must be a ratio of at most {_CELL_CRIMP:g}, such as 0.1 for "
-                f"10 %, got {self.crimp}"
-            )
-        object.__setattr__(self, "springs", pair("springs", self.springs, above=0))
+        keep(
+            self,
+            yarns=tuple(inner_law("yarn", yarn) for yarn in self.yarns),
+            crimp=pair("crimp", self.crimp, above=0),
+        )
+        _refuse_percent(self.crimp, _CELL_CRIMP)
+        keep(self, springs=pair("springs", self.springs, above=0))
         if self.coupling is not None:
-            object.__setattr__(self, "coupling", number("coupling", self.coupling))
+            keep(self, coupling=number("coupling", self.coupling))
 
     @property
     def shown(self) -> tuple[float, float]:
@@ -417,7 +417,7 @@ class CrimpedYarns(BiaxialLaw):
         lowest = -(1 - _SHORTEST) * H
         y, W = np.zeros(L.shape), self._energy(L, np.zeros(L.shape))
         share, moves = np.ones(L.shape[1:]), np.ones(L.shape[1:], dtype=bool)
-        for _ in range(_CELL_ITERATIONS):
+        for _ in range(_MOST_ITERATIONS):
             cell = self._cell(L, y)
             push = cell.push + self._stiff * y.sum(axis=0)
             inverse = self._inverse(np.abs(cell.stiffness), touching)
