@@ -1,7 +1,6 @@
 """Fibre directions: angles, reference curves, and directions from node numbering."""
 
 import numpy as np
-import pytest
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Ply, split
@@ -88,8 +87,3 @@ def test_directions_from_any_numbering_are_reported():
 def test_fibres_along_the_edges_of_a_regular_mesh_are_accepted():
     mesh = MeshQuad().refined(3)
     assert directions_warning(mesh, directions_of(mesh, Fabric())) == ""
-
-
-def test_the_numbers_of_directions_of_both_families_are_equal():
-    with pytest.raises(ValueError, match="are 3 warp directions but 4 weft"):
-        FibreDirections(np.ones((2, 3)), np.ones((2, 4)))
