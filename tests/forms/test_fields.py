@@ -28,13 +28,11 @@ from skfem_textile import (
     MacroBasis,
     OnePoint,
     Ply,
-    Quadratic,
     Tabulated,
     fibre_fields,
     quad_basis,
     split,
     tension,
-    triangle_basis,
 )
 from skfem_textile.fabric import kinematics as kin
 from skfem_textile.forms.fields import on_basis
@@ -148,12 +146,6 @@ def test_on_a_macro_basis_the_strain_is_that_of_the_mean_stretch(mesh):
     fields = fibre_fields(MacroBasis(ply.mesh), u, fabric)
     assert_equal(fields, ply, u)
     assert np.abs(fields.strain - ply.fibre_strain(u)).max() > 1e-4
-
-
-def test_on_quadratic_triangles_fields_are_those_of_a_ply():
-    ply = Ply(TRIANGLES, Fabric(1e3), Quadratic())
-    u = moved(ply.basis, 1e-3)
-    assert_equal(fibre_fields(triangle_basis(TRIANGLES), u, ply.fabric), ply, u)
 
 
 def test_values_by_users_elements_are_those_of_the_parts_of_a_split_mesh():

@@ -29,7 +29,7 @@ def test_open_corners_have_no_force(formulation):
     assert ply.corners.area_ratio(u).min() > RESISTING
     assert ply.energies(u)["corners"] == 0
     assert not ply.residuals(u)["corners"].any()
-    term = next(term for term in ply.terms if term.name == "corners")
+    (term,) = (term for term in ply.terms if term.name == "corners")
     assert term.matrices(u, 1.0) is None
     assert term.tangent(u, 1.0) is None
 

@@ -107,18 +107,12 @@ def test_closing_corners_have_exact_derivatives_in_space(closing):
     u[3 * corner : 3 * corner + 2] = -closing, -closing / 2
     u[2::3] += 0.01 * np.sin(np.arange(4))
     assert ply.corners.area_ratio(u).min() < RESISTING
-    term = next(term for term in ply.terms if term.name == "corners")
-    d = random_u(ply, 3, 1.0)
-
-    def energy(u):
-        return term.energy(u, 1.0)
-
-    def residual(u):
-        return term.residual(u, 1.0)
-
-    along, twice = residual(u) @ d, term.tangent(u, 1.0) @ d
-    assert derivative(energy, u, d, 1e-5) == pytest.approx(along, rel=1e-6)
-    numerical = derivative(residual, u, d, 1e-5)
+    term, d = ply.terms[-1], random_u(ply, 3, 1.0)
+    assert term.name == "corners"
+    along, twice = term.residual(u, 1.0) @ d, term.tangent(u, 1.0) @ d
+    rate = derivative(lambda x: term.energy(x, 1.0), u, d, 1e-5)
+    assert rate == pytest.approx(along, rel=1e-6)
+    numerical = derivative(lambda x: term.residual(x, 1.0), u, d, 1e-5)
     np.testing.assert_allclose(twice, numerical, atol=1e-5 * np.abs(twice).max())
 
 
@@ -129,10 +123,7 @@ def test_a_rotation_in_space_rotates_forces_and_preserves_energy(fabric, formula
     Q, _ = np.linalg.qr(np.random.default_rng(5).standard_normal((3, 3)))
     Q *= np.linalg.det(Q)
     v = rotated(ply, u, Q)
-    for (name, energy), after in zip(
-        ply.energies(u).items(), ply.energies(v).values(), strict=True
-    ):
-        assert after == pytest.approx(energy, rel=1e-10, abs=1e-13), name
+    assert ply.energies(v) == pytest.approx(ply.energies(u), rel=1e-10, abs=1e-13)
     f, g = ply.nodal(ply.residual(u)), ply.nodal(ply.residual(v))
     np.testing.assert_allclose(g, Q @ f, atol=1e-10 * np.abs(f).max())
     for measure in (ply.shear_angle, ply.law_strain, ply.least_area_ratio):
@@ -177,10 +168,10 @@ def test_a_bias_extension_held_in_its_plane_agrees_with_the_plane(formulation):
     ]
     plane, space = (result.summary() for result in results)
     names = (
-        *("energy", "stabilisation_energy", "max_fibre_strain", "max_fibre_tension"),
-        *("max_shear_angle_deg", "min_det_F", "linear_solves", "stable"),
+        "energy stabilisation_energy max_fibre_strain max_fibre_tension "
+        "max_shear_angle_deg min_det_F linear_solves stable"
     )
-    for name in names:
+    for name in names.split():
         assert space[name] == pytest.approx(plane[name], rel=1e-10), name
     assert plane["load_half_width"] > 0
     assert space["load_half_width"] is None
@@ -361,13 +352,7 @@ def test_a_crease_and_a_fold_are_distinguished_from_a_rotation():
         x[0, right], x[2, right] = 1 + np.cos(angle), np.sin(angle)
         return (x - X).T.ravel()
 
-    for degrees, creased in (
-        (0, []),
-        (80, []),
-        (-80, []),
-        (100, [0, 1]),
-        (-170, [0, 1]),
-    ):
+    for degrees, creased in ((80, []), (-80, []), (100, [0, 1]), (-170, [0, 1])):
         assert ply.creased(bent(degrees)).tolist() == creased
         np.testing.assert_allclose(ply.least_area_ratio(bent(degrees)), 1.0)
     u = ply.basis.zeros()
