@@ -72,11 +72,14 @@ class EndEdges:
         Unit fibre direction at each edge, shape (2, n).
     N
         Outward unit normal, shape (2, n).
+    length
+        Shape (n,).
     """
 
     facets: ndarray
     A: ndarray
     N: ndarray
+    length: ndarray
 
     @property
     def across(self) -> ndarray:
@@ -85,7 +88,8 @@ class EndEdges:
 
     def where(self, chosen: Any) -> "EndEdges":
         """Some of the edges, by a mask or a slice."""
-        return EndEdges(self.facets[chosen], self.A[:, chosen], self.N[:, chosen])
+        arrays = self.facets, self.A, self.N, self.length
+        return EndEdges(*(x[..., chosen] for x in arrays))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +125,12 @@ def edges_with_fibres(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
     """
     ends = mesh.p[:, mesh.facets[:, facets]]
     along = ends[:, 1] - ends[:, 0]
-    N = np.array([along[1], -along[0]]) / np.hypot(*along)
+    length = np.hypot(*along)
+    N = np.array([along[1], -along[0]]) / length
     elements = mesh.f2t[0, facets]
     out = ends.mean(axis=1) - mesh.p[:, mesh.t[:, elements]].mean(axis=1)
     N = N * np.sign((N * out).sum(axis=0))
-    return EndEdges(facets, A[:, elements], N)
+    return EndEdges(facets, A[:, elements], N, length)
 
 
 def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
@@ -211,7 +216,7 @@ def _of_jumps_between_quadrilaterals(mesh: Any, A: ndarray, B: ndarray) -> Any:
 def _prescribed_slopes(mesh: Any, clamped: Clamps) -> csr_matrix:
     """∮ φ_i (A·N) A·∇u over clamps, in terms of the rotation unknowns."""
     ends = mesh.facets[:, clamped.edges.facets]
-    half = 0.5 * np.hypot(*(mesh.p[:, ends[1]] - mesh.p[:, ends[0]]))
+    half = 0.5 * clamped.edges.length
     columns = np.tile(np.arange(len(half)), 2)
     shape = mesh.nvertices, len(half)
     to_nodes = csr_matrix((np.tile(half, 2), (ends.ravel(), columns)), shape=shape)
@@ -326,10 +331,9 @@ def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
 def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
     """∮ (A·n) A·∇u over clamps of each triangle, per rotation unknown."""
     facets = clamped.edges.facets
-    ends = mesh.p[:, mesh.facets[:, facets]]
-    length = np.hypot(*(ends[:, 1] - ends[:, 0]))
     indices = mesh.f2t[0, facets], np.arange(facets.size)
-    of_triangles = csr_matrix((length, indices), (mesh.nelements, facets.size))
+    shape = mesh.nelements, facets.size
+    of_triangles = csr_matrix((clamped.edges.length, indices), shape)
     return of_triangles @ clamped.turned
 
 

@@ -168,17 +168,16 @@ def refuse_basis(basis: Any, kind: type) -> None:
         raise ValueError(f"the form is on a product of bases: {NO_SECOND_FIELD}")
     if not isinstance(main_basis(basis), kind):
         required = (
-            "is an integral over elements: pass a basis such as quad_basis(mesh, "
-            "CENTRE)"
+            "of elements, such as quad_basis(mesh, CENTRE)"
             if kind is CellBasis
-            else f"requires a basis {kind.__name__}(mesh)"
+            else f"{kind.__name__}(mesh)"
         )
-        raise ValueError(f"the form {required}, not {with_article(basis)}")
+        raise ValueError(f"the basis must be {required}, not {with_article(basis)}")
     mesh = main_basis(basis).mesh
     if mesh.dim() != 2:
         raise ValueError(
-            "the form requires a mesh of quadrilaterals or triangles in the plane, not "
-            f"{type(mesh).__name__}"
+            "the basis must have a mesh of quadrilaterals or triangles in the plane, "
+            f"not {type(mesh).__name__}"
         )
     if not np.isfinite(basis.dx).all():
         raise ValueError("the mesh of the basis has positions that are not finite")

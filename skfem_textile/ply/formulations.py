@@ -244,10 +244,9 @@ def _automatic(
     Tension is included only on a `MeanBasis`: at a single point it does not represent
     the fabric.
     """
-    if isinstance(basis, MeanBasis):
-        return HeldStabilisation(fabric, basis, by_tension=True, by_grip=not across)
-    points = _mean_basis(basis, CENTRE)
-    return HeldStabilisation(fabric, points, by_tension=False, by_grip=not across)
+    of_means = isinstance(basis, MeanBasis)
+    means: Any = basis if of_means else _mean_basis(basis, CENTRE)
+    return HeldStabilisation(fabric, means, by_tension=of_means, by_grip=not across)
 
 
 def _mean_basis(basis: CellBasis, rule: tuple[ndarray, ndarray]) -> MeanBasis:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -38,8 +38,22 @@ from .terms import (
 Vector: TypeAlias = ArrayLike | Callable[[ndarray], ndarray]
 
 
+class _Spread:
+    """A force per length or area, a vector or a function of position."""
+
+    value: Vector
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "value")
+
+    def turned(self, Q: ndarray) -> Self:
+        """The same load after a rotation Q of the problem in its plane."""
+        load: Any = self
+        return replace(load, value=_turned(self.value, Q))
+
+
 @dataclass(frozen=True)
-class Traction:
+class Traction(_Spread):
     """Force per reference length of a named boundary.
 
     Parameters
@@ -72,9 +86,6 @@ class Traction:
     factor: Factor = proportional
     name: str = ""
 
-    def __post_init__(self) -> None:
-        keep_copies(self, "value")
-
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
 
@@ -86,10 +97,6 @@ class Traction:
         name = self.name or f"traction on {self.boundary}"
         edges = _boundary(f"load {name!r}", self.boundary, basis)
         return VectorTerm(name, _spread(name, self.value, edges), self.factor)
-
-    def turned(self, Q: ndarray) -> "Traction":
-        """The same load after a rotation Q of the problem in its plane."""
-        return replace(self, value=_turned(self.value, Q))
 
 
 @dataclass(frozen=True)
@@ -143,7 +150,7 @@ class Force:
 
 
 @dataclass(frozen=True)
-class BodyForce:
+class BodyForce(_Spread):
     """Force per reference area of the ply, such as its weight.
 
     Parameters
@@ -160,9 +167,6 @@ class BodyForce:
     factor: Factor = proportional
     name: str = "body force"
 
-    def __post_init__(self) -> None:
-        keep_copies(self, "value")
-
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
 
@@ -173,10 +177,6 @@ class BodyForce:
         """
         area = CellBasis(basis.mesh, basis.elem, basis.mapping, dofs=basis.dofs)
         return VectorTerm(self.name, _spread(self.name, self.value, area), self.factor)
-
-    def turned(self, Q: ndarray) -> "BodyForce":
-        """The same load after a rotation Q of the problem in its plane."""
-        return replace(self, value=_turned(self.value, Q))
 
 
 def _turned(value: Any, Q: ndarray) -> Any:

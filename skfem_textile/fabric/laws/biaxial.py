@@ -13,7 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..law import BiaxialLaw, Law, ScalarLaw, inner_law, keep, number, pair
+from ..law import (
+    BiaxialLaw,
+    Law,
+    ScalarLaw,
+    TwoLaws,
+    inner_law,
+    keep,
+    number,
+    pair,
+)
 from .tension import CrimpToe
 
 # Newton step, relative to the range of the amplitude, below which the iteration ends;
@@ -122,8 +131,7 @@ class CrimpInterchange(BiaxialLaw):
     def energy(self, strain: ndarray) -> ndarray:
         """Minimum of the energy over the amplitude."""
         w = self._amplitude(strain)
-        e = self._yarns(strain, w).strain
-        stored = sum(law.energy(x) for law, x in zip(self._laws, e, strict=True))
+        stored = self._laws.energy(self._yarns(strain, w).strain)
         linear = self.initial_stiffness * np.square(strain).sum(axis=0)
         return stored + 0.5 * self.bending * np.square(w) + 0.5 * linear
 
@@ -175,9 +183,8 @@ class CrimpInterchange(BiaxialLaw):
         eta_1, eta_2 = self._slopes_at_rest
         e = strain + np.array([w * (0.5 * w - eta_1), w * (0.5 * w + eta_2)])
         slope = np.array([w - eta_1, w + eta_2])
-        T = np.array([law.value(x) for law, x in zip(self._laws, e, strict=True)])
-        S = np.array([law.tangent(x) for law, x in zip(self._laws, e, strict=True)])
-        return _Yarns(e, slope, T, S)
+        T, S = self._laws.value(e), self._laws.slopes(e).own
+        return _Yarns(e, slope, np.array(T), np.array(S))
 
     def _resistance(self, yarns: _Yarns) -> ndarray:
         """R = K + T₁ + T₂."""
@@ -189,10 +196,10 @@ class CrimpInterchange(BiaxialLaw):
         return self._resistance(yarns) + stretch.sum(axis=0)
 
     @cached_property
-    def _laws(self) -> tuple[CrimpToe, CrimpToe]:
+    def _laws(self) -> TwoLaws:
         """Laws of the yarns."""
-        E: Any = self.stiffness
-        return CrimpToe(E[0], self.toe, 0.0), CrimpToe(E[1], self.toe, 0.0)
+        both: Any = self.stiffness
+        return TwoLaws(*(CrimpToe(E, self.toe, 0.0) for E in both))
 
     @property
     def _crimps(self) -> tuple[float, float]:
@@ -453,7 +460,7 @@ class CrimpedYarns(BiaxialLaw):
         else:
             e = y / H
             springs = k * H * ((1 + e) * np.log1p(e) - e)
-        yarns = sum(law.energy(x) for law, x in zip(self.yarns, d, strict=True))
+        yarns = TwoLaws(*self.yarns).energy(d)
         return yarns + springs.sum(axis=0) + 0.5 * self._stiff * y.sum(axis=0) ** 2
 
     def _cell(self, L: ndarray, y: ndarray) -> _Cell:
@@ -461,8 +468,8 @@ class CrimpedYarns(BiaxialLaw):
         height = H + y
         D = np.hypot(L, height)
         d = D - _columns(np.add(self.crimp, 1.0), L)
-        F = np.stack([law.value(x) for law, x in zip(self.yarns, d, strict=True)])
-        S = np.stack([law.tangent(x) for law, x in zip(self.yarns, d, strict=True)])
+        yarns = TwoLaws(*self.yarns)
+        F, S = np.stack(yarns.value(d)), np.stack(yarns.slopes(d).own)
         c, s = L / D, height / D
         if self.coupling is None:
             spring, stiffness = k * y, k + 0 * y
