@@ -39,7 +39,7 @@ from skfem_textile import (
     tension,
 )
 from skfem_textile.mesh.bases import element_numbers
-from tests.helpers import defined, derivative, distorted
+from tests.helpers import defined, distorted
 
 C_S, ANGLES = 2.0, np.linspace(-0.4, 0.5, 6)
 BY_ELEMENT = np.array([np.cos(ANGLES), np.sin(ANGLES)])
@@ -275,17 +275,6 @@ def test_directions_are_functions_or_fields_or_dof_vectors(dimension):
     pair = hourglass(plain, C_S).tangent, hourglass(curved, C_S).tangent
     found, right = asm(pair[0], corners, u=u, warp=warp), asm(pair[1], corners, u=u)
     assert_equal(found, right)
-
-
-def test_residual_and_tangent_of_a_composite_problem_are_derivatives():
-    element = ELEMENTS["last of three"](ElementVector(ElementQuad1()))
-    by_forms = terms(FABRICS["by position"], element)
-    u, du = 0.05 * np.random.default_rng(8).standard_normal((2, by_forms[0][1].N))
-    f, K = total(by_forms, "residual", u), total(by_forms, "tangent", u)
-    work = derivative(lambda x: total(by_forms, "energy", x), u, du)
-    assert work == pytest.approx(f @ du, rel=1e-6)
-    change = derivative(lambda x: total(by_forms, "residual", x), u, du)
-    np.testing.assert_allclose(change, K @ du, atol=1e-6 * np.abs(change).max())
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,7 @@ def test_centre_and_hourglass_sum_to_a_linear_problem_on_parallelograms():
 
 
 def test_centre_and_hourglass_sum_to_a_linear_problem_on_any_quad():
-    """With the areas of the points, in place of a quarter of that of the element."""
+    """With the areas of the points, not with a quarter of the area of the element."""
     mesh, element = distorted(5), ElementVector(ElementQuad1Fluctuation())
     centre, whole = quad_basis(mesh, CENTRE), assembled(quad_basis(mesh, GAUSS))
     both = assembled(centre, Basis(mesh, element, quadrature=GAUSS))

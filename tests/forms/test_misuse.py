@@ -67,7 +67,13 @@ MISUSES = [
     ("isotropic_hourglass", (1.0,), PLAIN, {}, r"requires a basis HourglassBasis"),
     ("out_of_plane", (), IN_SPACE, C_S, "basis HourglassBasis"),
     ("mean_tension", OF_FABRIC, PLAIN, E_D, "requires a MeanBasis or a MacroBasis"),
-    ("tension", OF_FABRIC, EDGES, {}, "integral over elements.* not a FacetBasis"),
+    (
+        "tension",
+        OF_FABRIC,
+        EDGES,
+        {},
+        "must be of elements, such as .*, not a FacetBasis",
+    ),
     ("shear_continuity", WITH_NUMBER, TWO_POINTS, {}, r"JumpBasis\(mesh\), not a Cel"),
     # the element and its order
     ("tension", OF_FABRIC, SCALAR, {}, "displacement with two or three components"),

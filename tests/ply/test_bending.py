@@ -25,7 +25,15 @@ from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem, Tangent
 from tests.helpers import distorted, random_u, zero_modes
-from tests.helpers.plies import SIDE, D, every_formulation, inclined, square
+from tests.helpers.plies import (
+    CURVED,
+    SIDE,
+    D,
+    every_formulation,
+    inclined,
+    lifted,
+    square,
+)
 
 # Bending stiffness: fibres at rest, elements, regions, rejected values
 
@@ -33,13 +41,7 @@ from tests.helpers.plies import SIDE, D, every_formulation, inclined, square
 @every_formulation
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_homogeneous_motion_does_not_bend_curved_fibres(formulation, dimension):
-    fabric = Fabric(
-        50.0,
-        0.5,
-        warp=lambda x: np.stack([np.cos(0.4 * x[1]), np.sin(0.4 * x[1])]),
-        weft=lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.3 * x[0])]),
-        bending=(3.0, 1.0),
-    )
+    fabric = Fabric(50.0, 0.5, **CURVED, bending=(3.0, 1.0))
     ply = Ply(distorted(1, jitter=0.2), fabric, formulation, dimension=dimension)
     H = np.random.default_rng(3).standard_normal((dimension, 2))
     u = (H @ ply.nodes).T.ravel()
@@ -62,8 +64,7 @@ def test_directions_as_a_field_and_per_element_give_the_same_bending():
         Ply(mesh, Fabric(1e4, 0.0, *A, bending=(D, 0.0)), Full(), dimension=3)
         for A in ((warp, weft), (warp(centres), weft(centres)))
     )
-    u = by_field.basis.zeros()
-    u[2::3] = 0.01 * x**2 + 0.02 * x * y - 0.01 * y**2
+    u = lifted(by_field, 0.01 * x**2 + 0.02 * x * y - 0.01 * y**2)
     energy = by_field.energies(u)["bending"]
     assert by_element.energies(u)["bending"] == pytest.approx(energy, rel=1e-12)
     c, s = warp(centres)
@@ -81,9 +82,7 @@ def test_each_family_and_element_has_a_separate_stiffness():
         for chosen in (fabric, {"all": fabric}):
             ply = Ply(mesh, chosen, Full(), dimension=3)
             for shape, stiffness in ((x**2, 2.0), (y**2, 3.0), (x * y, 0.0)):
-                u = ply.basis.zeros()
-                u[2::3] = 0.5 * 0.1 * shape
-                energy = ply.energies(u)["bending"]
+                energy = ply.energies(lifted(ply, 0.5 * 0.1 * shape))["bending"]
                 assert energy == pytest.approx(64 * 0.5 * stiffness * 0.01, abs=1e-12)
 
 
@@ -103,9 +102,7 @@ def test_plies_with_terms_keep_bending_and_its_ends():
     ply = Ply(mesh, fabric, Macro(), dimension=3, fibre_ends=ends)
     other = ply.with_terms(BodyForce((0, 0, 1.0)))
     assert other.fibre_ends == ends
-    u = other.basis.zeros()
-    u[2::3] = 0.05 * other.nodes[0] ** 2
-    energy = other.energies(u)["bending"]
+    energy = other.energies(lifted(other, 0.05 * other.nodes[0] ** 2))["bending"]
     assert energy == pytest.approx(100 * 0.5 * 1.5 * 0.01, rel=0.15)
 
 
@@ -119,8 +116,7 @@ def test_twist_is_defined_per_element_and_region():
     for chosen in (fabric, {"all": fabric}):
         for formulation in (Full(), Macro()):
             ply = Ply(mesh, chosen, formulation, dimension=3)
-            u = ply.basis.zeros()
-            u[2::3] = 0.1 * ply.nodes.prod(axis=0)
+            u = lifted(ply, 0.1 * ply.nodes.prod(axis=0))
             energy = ply.energies(u)["bending"]
             assert energy == pytest.approx(64 * 0.5 * 2.0 * 0.01, rel=1e-12)
 

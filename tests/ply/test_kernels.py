@@ -41,15 +41,11 @@ from tests.helpers import (
     random_u,
     values_at_rest,
 )
+from tests.helpers.plies import CURVED
 
 FABRICS = {
     "even": Fabric((1e4, 3.0), Sin2(0.7), warp=(2, 1), weft=(-1, 3)),
-    "curved": Fabric(
-        1e3,
-        0.5,
-        warp=lambda x: np.stack([np.cos(0.2 * x[1]), np.sin(0.2 * x[1])]),
-        weft=lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.2 * x[0])]),
-    ),
+    "curved": Fabric(1e3, 0.5, **CURVED),
     "one family": Fabric((0.0, 50.0), 0.3),
     "coupled": Fabric(Coupled(1e4, 3e3), 0.5, warp=(2, 1), weft=(-1, 3)),
 }

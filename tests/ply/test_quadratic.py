@@ -18,6 +18,7 @@ from skfem_textile import (
 )
 from skfem_textile.io import write_fields
 from skfem_textile.io.results import cell_fields
+from skfem_textile.mesh.selection import SINGULAR
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes import picture_frame, strip
 from skfem_textile.scenes.rectangle import rectangle
@@ -117,6 +118,16 @@ def test_a_corner_that_folds_between_the_points_is_rejected():
     held = {"all": Condition(np.arange(6), lambda X, t: t * move)}
     with pytest.raises(StepError, match=r"1 element\(s\) folded.*\(element 0\)"):
         LoadStepper(ply, held, 1, max_halvings=0).run()
+
+
+def test_long_triangles_along_a_singular_fibre_resolve_its_layer():
+    """All stretches of its family have the stiffness E, in series with 10⁸ G."""
+    mesh = MeshTri.init_tensor(np.arange(11.0), np.array([5.0, 5.1]))
+    mesh = mesh.with_boundaries({SINGULAR: lambda x: x[1] == 5.0})
+    ply = Ply(mesh, Fabric(1e4, 1.0), Quadratic(80.0))
+    along, across = ply.parameters_at_rest["tension"]["E_d"]
+    np.testing.assert_allclose(along, 1e4 * 1e8 / (1e4 + 1e8))
+    np.testing.assert_allclose(across, 1e4 * 80 / (1e4 + 80))
 
 
 # Runs with quadratic triangles: scenes, methods, checkpoints, files, pictures

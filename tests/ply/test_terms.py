@@ -148,22 +148,6 @@ every_formulation = pytest.mark.parametrize(
 )
 
 
-def copy_arrays(parameters):
-    """The arrays of parameters, by names of term and value."""
-    return {
-        (term, name): array.copy()
-        for term, values in parameters.items()
-        for name, array in values.items()
-    }
-
-
-def assert_unchanged(parameters, before):
-    current = copy_arrays(parameters)
-    assert current.keys() == before.keys()
-    for key, array in before.items():
-        np.testing.assert_array_equal(current[key], array)
-
-
 @pytest.mark.parametrize("role", ["internal", "load"])
 def test_plies_that_share_a_term_do_not_influence_each_other(role):
     ply = plain()
@@ -183,22 +167,15 @@ def test_plies_that_share_a_term_do_not_influence_each_other(role):
 
 
 @every_formulation
-def test_updates_return_new_values_and_change_nothing(formulation):
+def test_updates_return_new_values_unless_nothing_changes(formulation):
     ply = plain(formulation)
     ply = ply.with_terms(drag_term(ply))
-    rest = ply.parameters_at_rest
-    before = copy_arrays(rest)
-    u, v = random_u(ply, 1), random_u(ply, 2)
-    updated, advanced = ply.updated(rest, u), ply.advanced(rest, u)
-    assert advanced is not rest
+    rest, u = ply.parameters_at_rest, random_u(ply, 1)
+    updated = ply.updated(rest, u)
+    assert ply.advanced(rest, u) is not rest
     has_rates = formulation == OnePoint(1.0, "rate")
     assert (updated is not rest) != has_rates
     assert ply.updated(updated, u) is updated
-    copies = copy_arrays(updated), copy_arrays(advanced)
-    ply.advanced(ply.updated(advanced, v), v)
-    assert_unchanged(rest, before)
-    assert_unchanged(updated, copies[0])
-    assert_unchanged(advanced, copies[1])
     assert ply.parameters_at_rest is rest
 
 
@@ -222,7 +199,9 @@ def test_parameters_cannot_be_changed_in_place(formulation):
 def test_copied_parameters_are_equal(copy):
     ply = plain(Macro())
     parameters = ply.updated(ply.parameters_at_rest, random_u(ply, 1))
-    assert_unchanged(copy(parameters), copy_arrays(parameters))
+    copied = copy(parameters)
+    assert copied.keys() == parameters.keys()
+    assert all(copied[name].same_as(values) for name, values in parameters.items())
 
 
 @pytest.mark.parametrize("depends_on_steps", [False, True])
@@ -261,11 +240,10 @@ def test_a_run_does_not_modify_a_ply(formulation):
             for p in (None, rest, other)
         ]
 
-    before, held = numbers(), copy_arrays(rest)
+    before = numbers()
     first = LoadStepper(ply, CONDITIONS, 1).run()
     assert numbers() == before
     assert ply.parameters_at_rest is rest
-    assert_unchanged(rest, held)
     second = LoadStepper(ply, CONDITIONS, 1).run()
     np.testing.assert_array_equal(second.u, first.u)
     assert second.history() == first.history()
