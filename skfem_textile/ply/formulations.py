@@ -251,9 +251,8 @@ def _automatic(
 
 def _mean_basis(basis: CellBasis, rule: tuple[ndarray, ndarray]) -> MeanBasis:
     """`MeanBasis` of the same displacement, with the points and weights of a rule."""
-    return MeanBasis(
-        *(basis.mesh, basis.elem, basis.mapping), dofs=basis.dofs, quadrature=rule
-    )
+    displacement = basis.mesh, basis.elem, basis.mapping
+    return MeanBasis(*displacement, dofs=basis.dofs, quadrature=rule)
 
 
 def _stiffness_title(C_s: float | str) -> str:

@@ -192,12 +192,10 @@ def _turned_field(x: ndarray, value: Callable[[ndarray], ndarray], Q: ndarray) -
 
 
 def _boundary(what: str, name: str, basis: CellBasis) -> FacetBasis:
-    edges = named_edges(what, basis.mesh, name)
+    mesh, edges = basis.mesh, named_edges(what, basis.mesh, name)
     if not edges.size:
         raise ValueError(f"{what}: the boundary {name!r} has no edges")
-    return FacetBasis(
-        *(basis.mesh, basis.elem, basis.mapping), facets=edges, dofs=basis.dofs
-    )
+    return FacetBasis(mesh, basis.elem, basis.mapping, facets=edges, dofs=basis.dofs)
 
 
 def _spread(name: str, value: Vector, basis: Any) -> ndarray:

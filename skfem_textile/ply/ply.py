@@ -303,9 +303,7 @@ class Ply(SumOfTerms):
         """Values of nodal fields at the user's nodes, (n_users_points, n_nodes)."""
         d = components(self.basis)
         nodes = self.basis.element_dofs[::d] // d
-        return at_nodes(
-            *(self.users_points, self.cells, self.nodes), nodes, self.parent
-        )
+        return at_nodes(self.users_points, self.cells, self.nodes, nodes, self.parent)
 
     @property
     def users_points(self) -> ndarray:
