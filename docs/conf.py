@@ -37,8 +37,11 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 autosummary_context = {
     "listed_on": api_pages.links_back(),
-    # The base class of a ply is internal.
-    "inherits": ("skfem_textile.Ply",),
+    # Their base classes are internal.
+    "inherits": [
+        f"skfem_textile.{name}"
+        for name in ("Ply", "TensionOnly", "Asymmetric", "Traction", "BodyForce")
+    ],
 }
 autosummary_filename_map = api_pages.file_names()
 # Names in docstrings, between single backticks, are links where they have a page.

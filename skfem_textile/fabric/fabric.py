@@ -14,11 +14,10 @@ from ..mesh.user_input import call_user_function, keep_copies, real_numbers, sho
 from .law import (
     BiaxialLaw,
     Law,
-    LawEnd,
     Linear,
     TwoLaws,
-    closest_end,
     domain_of,
+    keep,
     law_at,
     refuse_other_units,
 )
@@ -59,6 +58,47 @@ class Family(NamedTuple):
     name: str
     direction: Direction
     tension: Law
+
+
+# Quantities of the laws of a fabric, in their order.
+_QUANTITIES = "warp_strain", "weft_strain", "shear_angle"
+
+# Hint for a shear law that ends at rest.
+_GO_ON = (
+    " (a table that starts at 0 requires odd=True; in a case file, shear.continuation "
+    "= 'odd')"
+)
+
+# Difference, relative to the end of a law, within which elements count as equally close
+# to it.  Chosen: half a degree at 50°, indistinguishable by colour.
+_AS_CLOSE = 0.01
+
+
+class LawEnd(NamedTuple):
+    """Law close to an end of its domain.
+
+    Attributes
+    ----------
+    quantity
+        Quantity of the law: warp_strain, weft_strain or shear_angle.
+    value, end
+        The value closest to the end, and the end; angles in radians.
+    elements
+        Numbers of the elements that are equally close.
+    """
+
+    quantity: str
+    value: float
+    end: float
+    elements: ndarray
+
+    def __str__(self) -> str:
+        name, (value, end) = self.quantity.replace("_", " "), self[1:3]
+        texts = f"{value:.3g}", f"{end:.3g}"
+        if self.quantity == "shear_angle":
+            texts = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
+        text = f"the {name} is {texts[0]}, and the domain of its law ends at {texts[1]}"
+        return text + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +155,12 @@ class Fabric:
     def __post_init__(self) -> None:
         keep_copies(self, "tension", "shear", "warp", "weft")
         _ = self.families, self.shear_law
-        object.__setattr__(self, "bending", _bending(self.bending))
-        object.__setattr__(self, "twist", _stiffness("twist", self.twist))
-        object.__setattr__(self, "wrinkling_angle", _angle(self.wrinkling_angle))
+        keep(
+            self,
+            bending=_bending(self.bending),
+            twist=_stiffness("twist", self.twist),
+            wrinkling_angle=_angle(self.wrinkling_angle),
+        )
         if any(hasattr(f.direction, "region") for f in self.families):
             return  # each of its fabrics is valid
         families = [f for f in self.families if not callable(f.direction)]
@@ -209,8 +252,18 @@ class Fabric:
 
         None if the domains of all laws are unbounded.
         """
-        domains = [domain_of(law) for law in self.laws]
-        return closest_end(domains, (*strain, angle))
+        found = []
+        for name, law, x in zip(_QUANTITIES, self.laws, (*strain, angle), strict=True):
+            for end, side in zip(domain_of(law), (-1, 1), strict=True):
+                ends = np.broadcast_to(end, x.shape)
+                gaps = side * (ends - x)
+                at = int(np.argmin(gaps))
+                if np.isfinite(least := gaps.flat[at]):
+                    close = gaps <= least + _AS_CLOSE * np.abs(ends)
+                    elements = np.flatnonzero(close.any(axis=1))
+                    location = float(x.flat[at]), float(ends.flat[at]), elements
+                    found.append((least, LawEnd(name, *location)))
+        return min(found, key=lambda each: each[0])[1] if found else None
 
     def directions(
         self,

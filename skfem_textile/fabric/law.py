@@ -341,7 +341,7 @@ class TwoLaws(BiaxialLaw):
 
     def of_family(self, family: int, strain: Any = (0.0, 0.0)) -> Law:
         """Law of the family."""
-        return (self.warp, self.weft)[family]
+        return self.laws[family]
 
     @property
     def domain(self) -> tuple[Any, Any]:
@@ -352,7 +352,7 @@ class TwoLaws(BiaxialLaw):
     def _each(self, part: str, strain: ndarray) -> list[ndarray]:
         return [
             np.broadcast_to(getattr(law, part)(x), np.shape(x))
-            for law, x in zip((self.warp, self.weft), strain, strict=True)
+            for law, x in zip(self.laws, strain, strict=True)
         ]
 
 
@@ -374,6 +374,12 @@ def mean_slope(law: Law, strain: ndarray) -> ndarray:
     slope = np.where(width > 0, rise / np.where(width > 0, width, 1.0), np.nan)
     known = np.where(np.isfinite(slope), slope, law.tangent(strain))
     return np.maximum(known, 0.0)
+
+
+def keep(law: Any, **values: Any) -> None:
+    """Set validated parameters of a frozen law."""
+    for name, value in values.items():
+        object.__setattr__(law, name, value)
 
 
 # Share of a nearby value below which a law is zero at rest: round-off.
@@ -465,66 +471,3 @@ def refuse_force_at_rest(name: str, law: Law, strain: float) -> None:
     F0, F = law.value(np.array([0.0, strain]))
     if not abs(F0) <= _NOTHING * abs(F):
         raise ValueError(f"{name} must be zero at rest, but is {F0:.4g} N/mm there")
-
-
-# Quantities of the laws of a fabric, in their order.
-_QUANTITIES = "warp_strain", "weft_strain", "shear_angle"
-
-# Hint for a shear law that ends at rest.
-_GO_ON = (
-    " (a table that starts at 0 requires odd=True; in a case file, shear.continuation "
-    "= 'odd')"
-)
-
-# Difference, relative to the end of a law, within which elements count as equally close
-# to it.  Chosen: half a degree at 50°, indistinguishable by colour.
-_AS_CLOSE = 0.01
-
-
-class LawEnd(NamedTuple):
-    """Law close to an end of its domain.
-
-    Attributes
-    ----------
-    quantity
-        Quantity of the law: warp_strain, weft_strain or shear_angle.
-    value, end
-        The value closest to the end, and the end; angles in radians.
-    elements
-        Numbers of the elements that are equally close.
-    """
-
-    quantity: str
-    value: float
-    end: float
-    elements: ndarray
-
-    def __str__(self) -> str:
-        name, (value, end) = self.quantity.replace("_", " "), self[1:3]
-        texts = f"{value:.3g}", f"{end:.3g}"
-        if self.quantity == "shear_angle":
-            texts = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
-        text = f"the {name} is {texts[0]}, and the domain of its law ends at {texts[1]}"
-        return text + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
-
-
-def closest_end(
-    domains: Sequence[tuple[Any, Any]], values: Sequence[ndarray]
-) -> LawEnd | None:
-    """The closest end of a law, or None if the domains of all laws are unbounded.
-
-    Arguments are the ends of the laws of warp, weft and shear, and fibre strains of
-    warp and weft, and shear angles, shape (n_elements, n) each.
-    """
-    ends_found = []
-    for name, domain, x in zip(_QUANTITIES, domains, values, strict=True):
-        for end, side in zip(domain, (-1, 1), strict=True):
-            ends = np.broadcast_to(end, x.shape)
-            gaps = side * (ends - x)
-            at = int(np.argmin(gaps))
-            if np.isfinite(least := gaps.flat[at]):
-                close = gaps <= least + _AS_CLOSE * np.abs(ends)
-                elements = np.flatnonzero(close.any(axis=1))
-                location = float(x.flat[at]), float(ends.flat[at]), elements
-                ends_found.append((least, LawEnd(name, *location)))
-    return min(ends_found, key=lambda each: each[0])[1] if ends_found else None

@@ -74,13 +74,10 @@ class RegionalTensions(_OneOfLaws, BiaxialLaw):
     @property
     def domain(self) -> tuple[ndarray, ndarray]:
         """Smallest and largest strains for which the law at each point is valid."""
-        families = [[law.of_family(i) for law in self.laws] for i in range(2)]
-        both = [zip(*map(domain_of, laws), strict=True) for laws in families]
-        low, high = (
-            np.array([_chosen(self.region, ends) for ends in of_both])
-            for of_both in zip(*both, strict=True)
-        )
-        return low, high
+        families = ([law.of_family(i) for law in self.laws] for i in range(2))
+        domains = (RegionalLaw(laws, self.region).domain for laws in families)
+        low, high = zip(*domains, strict=True)
+        return np.array(low), np.array(high)
 
 
 def _region_at(region: ndarray, element: ndarray | None) -> ndarray:
@@ -132,7 +129,6 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     Values may be per element of either mesh; other numbers are refused.  ``parent`` is
     the user's element that contains each element of the mesh, shape (n_elements,).
     """
-    n_elements, n_originals = len(parent), parent.max() + 1
 
     def carried(name: str, data: Any) -> Any:
         if isinstance(data, TwoLaws):
@@ -142,15 +138,9 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
         if isinstance(data, RegionalDirection):
             fields = [carried(name, _as_array(field)) for field in data.directions]
             data = replace(data, directions=fields)
-        n = _n_elements(data)
-        if n in (None, n_elements):
+        each = "value" if hasattr(data, "energy") else "vector"
+        if not _is_by_users_element(name, _n_elements(data), parent, each):
             return data
-        if n != n_originals:
-            each = "value" if hasattr(data, "energy") else "vector"
-            raise ValueError(
-                f"{name}: {n} {each}s for {n_originals} elements; specify one {each} "
-                "per element"
-            )
         if hasattr(data, "region"):
             return replace(data, region=data.region[parent])
         return data[:, parent] if isinstance(data, ndarray) else law_at(data, parent)
@@ -177,15 +167,25 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
 
 def _on_elements(name: str, value: Any, parent: ndarray) -> Any:
     """Convert a number per user's element to a number per element of a mesh."""
-    n = np.size(value)
-    if np.ndim(value) == 0 or n == len(parent):
-        return value
+    n = np.size(value) if np.ndim(value) else None
+    return value[parent] if _is_by_users_element(name, n, parent) else value
+
+
+def _is_by_users_element(
+    name: str, n: int | None, parent: ndarray, each: str = "value"
+) -> bool:
+    """True if n values belong to the elements of the user, not of the mesh.
+
+    ``n`` is None for values of any elements; other numbers are refused.
+    """
+    if n in (None, len(parent)):
+        return False
     if n != parent.max() + 1:
         raise ValueError(
-            f"{name}: {n} values for {parent.max() + 1} elements; specify one value "
+            f"{name}: {n} {each}s for {parent.max() + 1} elements; specify one {each} "
             "per element"
         )
-    return value[parent]
+    return True
 
 
 def _as_array(direction: Any) -> Any:

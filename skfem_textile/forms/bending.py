@@ -72,16 +72,24 @@ class EndEdges:
         Unit fibre direction at each edge, shape (2, n).
     N
         Outward unit normal, shape (2, n).
+    length
+        Shape (n,).
     """
 
     facets: ndarray
     A: ndarray
     N: ndarray
+    length: ndarray
 
     @property
     def across(self) -> ndarray:
         """A·N, shape (n,)."""
         return (self.A * self.N).sum(axis=0)
+
+    def where(self, chosen: Any) -> "EndEdges":
+        """Some of the edges, by a mask or a slice."""
+        arrays = self.facets, self.A, self.N, self.length
+        return EndEdges(*(x[..., chosen] for x in arrays))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,18 +125,18 @@ def edges_with_fibres(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
     """
     ends = mesh.p[:, mesh.facets[:, facets]]
     along = ends[:, 1] - ends[:, 0]
-    N = np.array([along[1], -along[0]]) / np.hypot(*along)
+    length = np.hypot(*along)
+    N = np.array([along[1], -along[0]]) / length
     elements = mesh.f2t[0, facets]
     out = ends.mean(axis=1) - mesh.p[:, mesh.t[:, elements]].mean(axis=1)
     N = N * np.sign((N * out).sum(axis=0))
-    return EndEdges(facets, A[:, elements], N)
+    return EndEdges(facets, A[:, elements], N, length)
 
 
 def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
     """Boundary edges not parallel to fibres; parameters as in `edges_with_fibres`."""
     edges = edges_with_fibres(mesh, A, facets)
-    meets = np.abs(edges.across) > _ALONG
-    return EndEdges(facets[meets], edges.A[:, meets], edges.N[:, meets])
+    return edges.where(np.abs(edges.across) > _ALONG)
 
 
 # Threshold below which an eigenvalue of a sum of N⊗N is treated as zero.
@@ -187,12 +195,14 @@ def _OF_JUMP(u, v, w):
     return 0.5 * v * dot(w["jump"], grad(u))
 
 
+def _sides(mesh: Any, element: Any, order: int) -> list[InteriorFacetBasis]:
+    """Bases of interior edges in the elements on both sides."""
+    return [InteriorFacetBasis(mesh, element, intorder=order, side=i) for i in (0, 1)]
+
+
 def _of_jumps_between_quadrilaterals(mesh: Any, A: ndarray, B: ndarray) -> Any:
     """∮ φ_i ½ [(A·N) B + (B·N) A]·{∇φ_j} over interior edges; [] is the jump."""
-    sides = [
-        InteriorFacetBasis(mesh, ElementQuad1(), intorder=3, side=side)
-        for side in (0, 1)
-    ]
+    sides = _sides(mesh, ElementQuad1(), 3)
     n = np.asarray(sides[0].normals)
     one, other = (
         0.5 * (dot(a, n) * b + dot(b, n) * a)
@@ -206,7 +216,7 @@ def _of_jumps_between_quadrilaterals(mesh: Any, A: ndarray, B: ndarray) -> Any:
 def _prescribed_slopes(mesh: Any, clamped: Clamps) -> csr_matrix:
     """∮ φ_i (A·N) A·∇u over clamps, in terms of the rotation unknowns."""
     ends = mesh.facets[:, clamped.edges.facets]
-    half = 0.5 * np.hypot(*(mesh.p[:, ends[1]] - mesh.p[:, ends[0]]))
+    half = 0.5 * clamped.edges.length
     columns = np.tile(np.arange(len(half)), 2)
     shape = mesh.nvertices, len(half)
     to_nodes = csr_matrix((np.tile(half, 2), (ends.ravel(), columns)), shape=shape)
@@ -290,9 +300,8 @@ def _planes(mirrors: EndEdges, d: int) -> Iterator[tuple[EndEdges, ndarray]]:
     """Edges on each plane of symmetry, and the projector on the even components."""
     for normal in np.unique(mirrors.N.round(9), axis=1).T:
         on = np.abs(mirrors.N - normal[:, None]).max(axis=0) < 1e-8
-        edges = EndEdges(mirrors.facets[on], mirrors.A[:, on], mirrors.N[:, on])
         N = np.pad(normal, (0, d - 2))
-        yield edges, np.eye(d) - np.outer(N, N)
+        yield mirrors.where(on), np.eye(d) - np.outer(N, N)
 
 
 @BilinearForm
@@ -305,14 +314,10 @@ def _JUMP(u, v, w):
     return w["stiffness"] * dot(w.n, grad(u)) * dot(w.n, grad(v))
 
 
-def _sides(mesh: Any, element: Any) -> list[InteriorFacetBasis]:
-    return [InteriorFacetBasis(mesh, element, intorder=2, side=i) for i in (0, 1)]
-
-
 def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
     """∮ (A·n)(B·{∇u}) over the edges of each triangle that are inside the ply."""
     slopes, triangles = (
-        _sides(mesh, element()) for element in (ElementTriP2, ElementTriP0)
+        _sides(mesh, element(), 2) for element in (ElementTriP2, ElementTriP0)
     )
     n = np.asarray(slopes[0].normals)
     inside: Any = 0.0
@@ -326,10 +331,9 @@ def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
 def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
     """∮ (A·n) A·∇u over clamps of each triangle, per rotation unknown."""
     facets = clamped.edges.facets
-    ends = mesh.p[:, mesh.facets[:, facets]]
-    length = np.hypot(*(ends[:, 1] - ends[:, 0]))
     indices = mesh.f2t[0, facets], np.arange(facets.size)
-    of_triangles = csr_matrix((length, indices), (mesh.nelements, facets.size))
+    shape = mesh.nelements, facets.size
+    of_triangles = csr_matrix((clamped.edges.length, indices), shape)
     return of_triangles @ clamped.turned
 
 
@@ -348,7 +352,7 @@ def _of_jumps(
     mesh: Any, along: tuple[ndarray, ndarray], D: ndarray, area: ndarray
 ) -> Any:
     """Penalty on jumps of the slope between triangles."""
-    sides = _sides(mesh, ElementTriP2())
+    sides = _sides(mesh, ElementTriP2(), 2)
     n, length = np.asarray(sides[0].normals), sides[0].dx.sum(axis=1)[:, None]
     A, B = ([dot(x[:, side.tind, None], n) for side in sides] for x in along)
     most = np.max(
@@ -438,7 +442,7 @@ def twist_matrix(
     """
     mesh: Mesh = basis.mesh
     edges = edges_with_fibres(mesh, A, mesh.boundary_facets())
-    none = EndEdges(edges.facets[:0], edges.A[:, :0], edges.N[:, :0])
+    none = edges.where(slice(0))
     return _matrix(basis, (A, B), D, edges, clamps(none, []), none)
 
 
@@ -459,10 +463,9 @@ def _matrix(
     """
     mesh: Mesh = basis.mesh
     d = components(basis)
-    if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]
-        K = matrix_of_quadrilaterals(mesh, along, D, free, clamped, mirrors, d)
-    else:
-        K = matrix_of_triangles(mesh, along, D, free, clamped, mirrors, d)
+    quads = isinstance(basis.elem.elem, ElementQuad1)  # type: ignore[attr-defined]
+    matrix = matrix_of_quadrilaterals if quads else matrix_of_triangles
+    K = matrix(mesh, along, D, free, clamped, mirrors, d)
     return csr_matrix((K + K.T) / 2)
 
 

@@ -32,7 +32,7 @@ from ..mesh.bases import (
 )
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import real_numbers, with_article
-from .form import mean
+from .form import mean, refuse_basis
 
 #: Where fields are evaluated.
 Place = Literal["points", "elements", "nodes"]
@@ -348,25 +348,20 @@ def _vector_fields(basis: Any) -> Iterator[tuple[Any, Any]]:
 
 def _refuse_basis(basis: Any) -> None:
     """Refuse a basis on which the gradient of a displacement cannot be evaluated."""
-    if not isinstance(basis, CellBasis):
-        raise ValueError(
-            "fields are evaluated in elements: pass a basis such as "
-            f"quad_basis(mesh, CENTRE), not {with_article(basis)}"
-        )
+    refuse_basis(basis, CellBasis)
     element: Any = basis.elem
-    scalar, mesh = element.elem, basis.mesh
+    scalar = element.elem
     if isinstance(scalar, ElementQuad1Fluctuation):
         raise ValueError(
             "fields require the whole gradient of the displacement: pass a basis such "
             "as quad_basis(mesh, CENTRE), not an HourglassBasis"
         )
-    if mesh.dim() != 2 or element.dim not in (2, 3):
+    if element.dim not in (2, 3):
         raise ValueError(
-            "fields require a displacement with two or three components on a mesh of "
-            f"triangles or quadrilaterals, not {element.dim} on a "
-            f"{type(mesh).__name__}"
+            "fields require a displacement with two or three components, not "
+            f"{element.dim}"
         )
-    if not isinstance(scalar, ElementH1) or not scalar.maxdeg:
+    if not isinstance(scalar, ElementH1):
         raise ValueError(
             "fields require a displacement of an H¹ element such as ElementQuad1, not "
             f"{type(scalar).__name__}"

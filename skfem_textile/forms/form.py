@@ -83,7 +83,7 @@ class OfDisplacement(OwnAssembly):
         if self.params["fabrics"]:
             from ..fabric.regions import fabric_on
 
-            every_element = np.arange(basis_mesh(basis).nelements)
+            every_element = np.arange(main_basis(basis).mesh.nelements)
             for fabric in self.params["fabrics"]:
                 fabric_on(every_element, fabric)
         return {"element": element_numbers(basis), **parameters}
@@ -168,17 +168,16 @@ def refuse_basis(basis: Any, kind: type) -> None:
         raise ValueError(f"the form is on a product of bases: {NO_SECOND_FIELD}")
     if not isinstance(main_basis(basis), kind):
         required = (
-            "is an integral over elements: pass a basis such as quad_basis(mesh, "
-            "CENTRE)"
+            "of elements, such as quad_basis(mesh, CENTRE)"
             if kind is CellBasis
-            else f"requires a basis {kind.__name__}(mesh)"
+            else f"{kind.__name__}(mesh)"
         )
-        raise ValueError(f"the form {required}, not {with_article(basis)}")
-    mesh = basis_mesh(basis)
+        raise ValueError(f"the basis must be {required}, not {with_article(basis)}")
+    mesh = main_basis(basis).mesh
     if mesh.dim() != 2:
         raise ValueError(
-            "the form requires a mesh of quadrilaterals or triangles in the plane, not "
-            f"{type(mesh).__name__}"
+            "the basis must have a mesh of quadrilaterals or triangles in the plane, "
+            f"not {type(mesh).__name__}"
         )
     if not np.isfinite(basis.dx).all():
         raise ValueError("the mesh of the basis has positions that are not finite")
@@ -190,11 +189,6 @@ def refuse_basis(basis: Any, kind: type) -> None:
             f"{type(first.elem).__name__} has no gradient: use a displacement that "
             "varies in elements, such as ElementVector(ElementQuad1())"
         )
-
-
-def basis_mesh(basis: Any) -> Any:
-    """Mesh of a basis, also of a product of bases."""
-    return main_basis(basis).mesh
 
 
 def _refuse_displacement(name: str, value: Any, basis: Any) -> None:

@@ -83,10 +83,8 @@ def tension(fabric: Fabric) -> Forms:
     >>> bool(np.isclose(energy, 1e4 * np.log(1.01) ** 2))
     True
     """
-    if not families_with_law(fabric):
+    if not (families := families_with_law(fabric)):
         raise ValueError("the fabric has no tension stiffness: omit this term")
-
-    families = families_with_law(fabric)
 
     def law(w):
         """Tensions T(ε₁, ε₂)."""
@@ -146,6 +144,10 @@ def mean_tension(fabric: Fabric) -> Forms:
     def mean_stretches(w):
         return np.array([mean(w, lam) for lam in once(w, stretches)])
 
+    def state(w):
+        """λ, E_d and λ̄."""
+        return once(w, stretches), parameter(w, "E_d"), once(w, mean_stretches)
+
     def variation(w):
         """∂λ/∂F."""
         F, A = deformation(w), directions(fabric, w)
@@ -153,11 +155,7 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     def force(w):
         """∂ψ/∂λ: the tension over the stretch."""
-        lam, E_d, means = (
-            once(w, stretches),
-            parameter(w, "E_d"),
-            once(w, mean_stretches),
-        )
+        lam, E_d, means = state(w)
         T = law(w).value(np.log(means))
         return {i: T[i] / means[i] + E_d[i] * (lam[i] - means[i]) for i in families}
 
@@ -168,7 +166,7 @@ def mean_tension(fabric: Fabric) -> Forms:
     def local_stiffness(w):
         """Local part of the tangent at one point."""
         F, A = deformation(w), directions(fabric, w)
-        lam, d_lam, E_d = once(w, stretches), once(w, variation), parameter(w, "E_d")
+        (lam, E_d, _), d_lam = state(w), once(w, variation)
         if "tension" in w:
             N = {i: w["tension"][i] / lam[i] for i in families}
         else:
@@ -180,7 +178,7 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     def mean_stiffness(w):
         """Stiffness of the mean of each family, and coupling of the two means."""
-        means, E_d = once(w, mean_stretches), parameter(w, "E_d")
+        _, E_d, means = state(w)
         T, slopes = law(w).value(np.log(means)), law(w).slopes(np.log(means))
         direct = {i: (slopes.own[i] - T[i]) / means[i] ** 2 - E_d[i] for i in families}
         if slopes.cross is None:
@@ -189,11 +187,7 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     @Functional
     def energy(w):
-        lam, E_d, means = (
-            once(w, stretches),
-            parameter(w, "E_d"),
-            once(w, mean_stretches),
-        )
+        lam, E_d, means = state(w)
         return sum(law(w).energies(np.log(means))) + sum(
             0.5 * E_d[i] * (lam[i] - means[i]) ** 2 for i in families
         )

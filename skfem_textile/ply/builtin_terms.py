@@ -17,7 +17,7 @@ from ..mesh.bases import CornerBasis, Corners, components
 from ..mesh.selection import FIBRE_ENDS, FibreEnd, Turning
 from ..mesh.user_input import call_user_function, real_numbers, shortened
 from .parameters import NO_VALUES, Values
-from .terms import ElementTerm, MatrixTerm
+from .terms import ElementTerm, MatrixTerm, named_edges
 
 # Lower bound of κ relative to the fibre stiffness.  A larger value adds energy where
 # corners close; a smaller one lets them come closer to folding.  One tenth and ten
@@ -175,28 +175,23 @@ def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd
             "fibre_ends must be a mapping from names of boundaries to "
             f"{' or '.join(FIBRE_ENDS)}, not {ends!r}"
         )
-    boundaries, named_edges = mesh.boundaries or {}, np.empty(0, dtype=int)
+    earlier = np.empty(0, dtype=int)
     for name, end in ends.items():
-        if name not in boundaries:
-            names = ", ".join(map(repr, boundaries)) or "none"
-            raise ValueError(
-                f"fibre_ends: the mesh has no boundary {name!r} (available: {names})"
-            )
+        edges = named_edges("fibre_ends", mesh, name)
         if end not in FIBRE_ENDS and not callable(end):
             raise ValueError(
                 f"fibre_ends: the value for {name!r} must be {', '.join(FIBRE_ENDS)} "
                 "or a function of the load factor that returns the rotation of a "
                 f"clamp, not {end!r}"
             )
-        edges = np.unique(boundaries[name])
         if not np.isin(edges, mesh.boundary_facets()).all():
             raise ValueError(
                 f"fibre_ends: the boundary {name!r} has edges inside the ply"
             )
-        if np.isin(edges, named_edges).any():
+        if np.isin(edges, earlier).any():
             raise ValueError(
                 f"fibre_ends: the boundary {name!r} shares edges with another "
                 "boundary in fibre_ends"
             )
-        named_edges = np.append(named_edges, edges)
+        earlier = np.append(earlier, edges)
     return dict(ends)

@@ -117,10 +117,14 @@ def mean_tension_term(
     )
 
 
+def _singular_edges(mesh: Mesh) -> ndarray:
+    """Numbers of the edges on singular fibres."""
+    return np.asarray((mesh.boundaries or {}).get(SINGULAR, ()), dtype=int)
+
+
 def _at_singular_fibres(mesh: Mesh) -> ndarray:
     """Numbers of the elements with an edge on a singular fibre."""
-    edges = np.asarray((mesh.boundaries or {}).get(SINGULAR, ()), dtype=int)
-    elements = np.unique(mesh.f2t[:, edges])
+    elements = np.unique(mesh.f2t[:, _singular_edges(mesh)])
     return elements[elements >= 0]
 
 
@@ -240,16 +244,15 @@ def _automatic(
     Tension is included only on a `MeanBasis`: at a single point it does not represent
     the fabric.
     """
-    if isinstance(basis, MeanBasis):
-        return HeldStabilisation(fabric, basis, by_tension=True, by_grip=not across)
-    points = MeanBasis(
-        basis.mesh,
-        basis.elem,
-        mapping=basis.mapping,
-        dofs=basis.dofs,
-        quadrature=CENTRE,
-    )
-    return HeldStabilisation(fabric, points, by_tension=False, by_grip=not across)
+    of_means = isinstance(basis, MeanBasis)
+    means: Any = basis if of_means else _mean_basis(basis, CENTRE)
+    return HeldStabilisation(fabric, means, by_tension=of_means, by_grip=not across)
+
+
+def _mean_basis(basis: CellBasis, rule: tuple[ndarray, ndarray]) -> MeanBasis:
+    """`MeanBasis` of the same displacement, with the points and weights of a rule."""
+    displacement = basis.mesh, basis.elem, basis.mapping
+    return MeanBasis(*displacement, dofs=basis.dofs, quadrature=rule)
 
 
 def _stiffness_title(C_s: float | str) -> str:
@@ -559,14 +562,7 @@ class Quadratic(declared.Quadratic, Pointwise):
         """Tension at each point, or evaluated at the mean stretch."""
         if self.deviation is None:
             return super().tension_term(basis, fabric)
-        means = MeanBasis(
-            basis.mesh,
-            basis.elem,
-            mapping=basis.mapping,
-            dofs=basis.dofs,
-            quadrature=basis.quadrature,
-        )
-        every = np.arange(means.nelems)
+        means, every = _mean_basis(basis, basis.quadrature), np.arange(basis.nelems)
         return mean_tension_term(fabric, self.deviation, means, every)
 
 
@@ -575,7 +571,7 @@ def _height_of_layer(mesh: Mesh) -> float:
 
     The length is the length of the edge on the fibre; 0 if there is no such triangle.
     """
-    edges = np.asarray((mesh.boundaries or {}).get(SINGULAR, ()), dtype=int)
+    edges = _singular_edges(mesh)
     if not edges.size:
         return 0.0
     a, b = mesh.p[:, mesh.facets[:, edges]].swapaxes(0, 1)

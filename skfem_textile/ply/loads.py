@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -25,14 +25,35 @@ from ..forms.form import builds_forms
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import Where, selected_nodes, turned_where
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers
-from .terms import Factor, FormTerm, VectorTerm, factor_at, proportional
+from .terms import (
+    Factor,
+    FormTerm,
+    VectorTerm,
+    factor_at,
+    named_edges,
+    proportional,
+)
 
 #: A vector, or a function of reference position (2, ...) -> (d, ...).
 Vector: TypeAlias = ArrayLike | Callable[[ndarray], ndarray]
 
 
+class _Spread:
+    """A force per length or area, a vector or a function of position."""
+
+    value: Vector
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "value")
+
+    def turned(self, Q: ndarray) -> Self:
+        """The same load after a rotation Q of the problem in its plane."""
+        load: Any = self
+        return replace(load, value=_turned(self.value, Q))
+
+
 @dataclass(frozen=True)
-class Traction:
+class Traction(_Spread):
     """Force per reference length of a named boundary.
 
     Parameters
@@ -65,9 +86,6 @@ class Traction:
     factor: Factor = proportional
     name: str = ""
 
-    def __post_init__(self) -> None:
-        keep_copies(self, "value")
-
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
 
@@ -79,10 +97,6 @@ class Traction:
         name = self.name or f"traction on {self.boundary}"
         edges = _boundary(f"load {name!r}", self.boundary, basis)
         return VectorTerm(name, _spread(name, self.value, edges), self.factor)
-
-    def turned(self, Q: ndarray) -> "Traction":
-        """The same load after a rotation Q of the problem in its plane."""
-        return replace(self, value=_turned(self.value, Q))
 
 
 @dataclass(frozen=True)
@@ -136,7 +150,7 @@ class Force:
 
 
 @dataclass(frozen=True)
-class BodyForce:
+class BodyForce(_Spread):
     """Force per reference area of the ply, such as its weight.
 
     Parameters
@@ -153,9 +167,6 @@ class BodyForce:
     factor: Factor = proportional
     name: str = "body force"
 
-    def __post_init__(self) -> None:
-        keep_copies(self, "value")
-
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
 
@@ -166,10 +177,6 @@ class BodyForce:
         """
         area = CellBasis(basis.mesh, basis.elem, basis.mapping, dofs=basis.dofs)
         return VectorTerm(self.name, _spread(self.name, self.value, area), self.factor)
-
-    def turned(self, Q: ndarray) -> "BodyForce":
-        """The same load after a rotation Q of the problem in its plane."""
-        return replace(self, value=_turned(self.value, Q))
 
 
 def _turned(value: Any, Q: ndarray) -> Any:
@@ -185,13 +192,7 @@ def _turned_field(x: ndarray, value: Callable[[ndarray], ndarray], Q: ndarray) -
 
 
 def _boundary(what: str, name: str, basis: CellBasis) -> FacetBasis:
-    mesh = basis.mesh
-    if name not in (mesh.boundaries or {}):
-        names = ", ".join(map(repr, mesh.boundaries or {})) or "none"
-        raise ValueError(
-            f"{what}: the mesh has no boundary {name!r} (available: {names})"
-        )
-    edges = np.unique(mesh.boundaries[name])
+    mesh, edges = basis.mesh, named_edges(what, basis.mesh, name)
     if not edges.size:
         raise ValueError(f"{what}: the boundary {name!r} has no edges")
     return FacetBasis(mesh, basis.elem, basis.mapping, facets=edges, dofs=basis.dofs)
@@ -312,7 +313,7 @@ class PressureTerm(FormTerm):
             nodes.append(mesh.nvertices + edges)
         z = np.broadcast_to(np.eye(3)[2][:, None], N.shape)
         flat, upright = (
-            np.all([_is_fixed(dofs[:, at], n, supports) for at in nodes], axis=0)
+            np.all([_is_fixed(dofs, at, n, supports) for at in nodes], axis=0)
             for n in (z, N)
         )
         if not (flat | upright).all():
@@ -322,7 +323,7 @@ class PressureTerm(FormTerm):
                 f"{(~flat & ~upright).sum()} free edge(s) of the boundary"
             )
         on_edges = np.unique(dofs[2][np.concatenate([at[~upright] for at in nodes])])
-        if on_edges.size and np.abs(_prescribed(supports)[on_edges]).max() > 0:
+        if on_edges.size and np.abs(_prescribed(supports, basis.N)[on_edges]).max() > 0:
             return (
                 "a pressure requires edges that stay in the plane z = 0, or do not "
                 "move along their normal"
@@ -330,24 +331,20 @@ class PressureTerm(FormTerm):
         return ""
 
 
-def _is_fixed(dofs: ndarray, n: ndarray, supports: Any) -> ndarray:
-    """True where motions of nodes along directions n are fixed; shapes (3, n_nodes)."""
+def _is_fixed(dofs: ndarray, nodes: ndarray, n: ndarray, supports: Any) -> ndarray:
+    """True where motions of nodes along directions n, shape (3, n_nodes), are fixed."""
     columns = np.arange(n.shape[1])
-    entries = n.ravel(), (dofs.ravel(), np.tile(columns, 3))
-    motion = csr_matrix(entries, shape=(_size(supports), len(columns)))
+    entries = n.ravel(), (dofs[:, nodes].ravel(), np.tile(columns, 3))
+    motion = csr_matrix(entries, shape=(dofs.size, len(columns)))
     if supports.turn is not None:
         motion = supports.turn.T @ motion
     free = abs(motion.tocsr()[supports.free])
     return np.asarray(free.max(axis=0).todense()).ravel() <= _FREE
 
 
-def _size(supports: Any) -> int:
-    return len(supports.free) + len(supports.fixed)
-
-
-def _prescribed(supports: Any) -> ndarray:
+def _prescribed(supports: Any, size: int) -> ndarray:
     """Prescribed displacements at the full load, zero for free unknowns."""
-    q = np.zeros(_size(supports))
+    q = np.zeros(size)
     q[supports.fixed] = supports.fixed_values(1.0)
     return q if supports.turn is None else supports.turn @ q
 

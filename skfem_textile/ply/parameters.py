@@ -8,15 +8,7 @@ response, without an element size, except E_d at singular fibres (`layer_stiffne
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import (
-    Any,
-    ClassVar,
-    NamedTuple,
-    Never,
-    Protocol,
-    TypeAlias,
-    TypeVar,
-)
+from typing import Any, ClassVar, Never, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -198,9 +190,14 @@ def deviation_stiffness(
     """
     without_shear = _without_shear(G, E)
     resistance = multiple * (G + _TENSION_OVER_SHEAR * effective_tension(G, E, T))
-    both = resistance + E
-    in_series = resistance / np.where(both > 0, both, 1.0) * E
-    return (1.0 - without_shear) * in_series + without_shear * _E_D_OF_FIBRES * E
+    both = _in_series(resistance, E)
+    return (1.0 - without_shear) * both + without_shear * _E_D_OF_FIBRES * E
+
+
+def _in_series(stiffness: ndarray, other: ndarray) -> ndarray:
+    """Stiffness of two springs in series; zero if both are zero."""
+    both = stiffness + other
+    return stiffness / np.where(both > 0, both, 1.0) * other
 
 
 # E_d of a resolved layer over G at most, a guard against round-off: with E/G = 1e12
@@ -225,12 +222,9 @@ def layer_stiffness(length: ndarray, G: ndarray, E: ndarray) -> ndarray:
         See `deviation_stiffness`.
     """
     resolved = np.isinf(length)
-    resistance = np.where(resolved, 0.0, length) * np.sqrt(G * E)
-    both = resistance + E
-    in_series = resistance / np.where(both > 0, both, 1.0) * E
-    limit = _MOST_OF_SHEAR * G
-    of_layer = np.where(G > 0, limit / np.where(G > 0, limit + E, 1.0), 1.0) * E
-    return np.where(resolved, of_layer, in_series)
+    unresolved = _in_series(np.where(resolved, 0.0, length) * np.sqrt(G * E), E)
+    of_layer = np.where(G > 0, _in_series(_MOST_OF_SHEAR * G, E), E)
+    return np.where(resolved, of_layer, unresolved)
 
 
 def effective_tension(G: ndarray, E: ndarray, T: ndarray) -> ndarray:
@@ -267,30 +261,6 @@ def further_shear_stiffness(law: Law, angle: ndarray) -> ndarray:
 def _without_shear(G: ndarray, E: ndarray) -> ndarray:
     """Weight that falls smoothly from 1 at zero shear stiffness to 0."""
     return np.exp(-G / np.where(E > 0, _NO_SHEAR * E, 1.0))
-
-
-class ElementState(NamedTuple):
-    """Element state from which a `HeldStiffness` is computed.
-
-    Attributes
-    ----------
-    w
-        Parameters of the forms of a `MeanBasis`.
-    F, A
-        Deformation gradient and fibre directions at the points.
-    G
-        Mean stiffness of the shear law, shape (n_elements, 1).
-    E, T
-        Mean stiffnesses of warp and weft, and tensions of their mean stretches, shape
-        (2, n_elements, 1).
-    """
-
-    w: dict[str, Any]
-    F: ndarray
-    A: tuple[ndarray, ndarray]
-    G: ndarray
-    E: ndarray
-    T: ndarray
 
 
 class HeldStiffness(TermParameters):
@@ -341,10 +311,15 @@ class HeldStiffness(TermParameters):
         else:
             T = mean_stretch * mean(w, tension / stretch)
         E = mean(w, np.array(slopes))
-        return Values({self.name: self._of(ElementState(w, F, A, G, E, T))})
+        cos_angle = mean(w, np.abs(kin.cos_angle(F, *A)))
+        return Values({self.name: self._of(G, E, T, cos_angle)})
 
-    def _of(self, state: ElementState) -> ndarray:
-        """Stiffness at a state."""
+    def _of(self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray) -> ndarray:
+        """Stiffness from means over elements.
+
+        These are the stiffness of the shear law and ``|cos ω|``, shape (n_elements, 1),
+        and stiffnesses and tensions of warp and weft, shape (2, n_elements, 1).
+        """
         raise NotImplementedError
 
 
@@ -375,10 +350,9 @@ class HeldStabilisation(HeldStiffness):
         self._by_tension, self._by_grip = by_tension, by_grip
         super().__init__(fabric, basis)
 
-    def _of(self, state: ElementState) -> ndarray:
-        w, F, A, G, E, T = state
+    def _of(self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray) -> ndarray:
         T = self._by_tension * np.abs(T).mean(axis=0)
-        cos_angle = self._by_grip * mean(w, np.abs(kin.cos_angle(F, *A)))
+        cos_angle = self._by_grip * cos_angle
         C_s = stabilisation_stiffness(G, E.mean(axis=0), T, cos_angle)
         return self._basis.to_ply_points(np.broadcast_to(C_s, self._basis.dx.shape))
 
@@ -417,9 +391,9 @@ class HeldDeviation(HeldStiffness):
         self._multiple, self.layer = multiple, layer
         super().__init__(fabric, basis)
 
-    def _of(self, state: ElementState) -> ndarray:
-        elsewhere = deviation_stiffness(self._multiple, state.G, state.E, state.T)
-        on = layer_stiffness(self.layer, state.G, state.E)
+    def _of(self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray) -> ndarray:
+        elsewhere = deviation_stiffness(self._multiple, G, E, T)
+        on = layer_stiffness(self.layer, G, E)
         return np.where(self.layer > 0, on, elsewhere)
 
 

@@ -250,13 +250,8 @@ class Ply(SumOfTerms):
         >>> ply.on_users_elements(x)
         array([0.5])
         """
-        values, n = np.asarray(values), self.mesh.nelements
-        if values.shape[-1:] != (n,):
-            raise ValueError(
-                f"a field must have a value for each of the {n} elements of ply.mesh "
-                f"along its last axis, got shape {values.shape}"
-            )
-        return _mapped(values, self._means_on_users_elements)
+        matrix = self._means_on_users_elements
+        return _mapped("elements of ply.mesh", values, matrix)
 
     @cached_property
     def _means_on_users_elements(self) -> csr_matrix:
@@ -301,21 +296,14 @@ class Ply(SumOfTerms):
         >>> ply.on_users_nodes(ply.nodes).tolist()
         [[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]]
         """
-        values, n = np.asarray(values), self.nodes.shape[1]
-        if values.shape[-1:] != (n,):
-            raise ValueError(
-                f"a field must have a value for each of the {n} nodes of ply.nodes "
-                f"along its last axis, got shape {values.shape}"
-            )
-        return _mapped(values, self._at_users_nodes)
+        return _mapped("nodes of ply.nodes", values, self._at_users_nodes)
 
     @cached_property
     def _at_users_nodes(self) -> csr_matrix:
         """Values of nodal fields at the user's nodes, (n_users_points, n_nodes)."""
-        element_nodes = self.basis.element_dofs[:: components(self.basis)]
-        element_nodes = element_nodes // components(self.basis)
-        of = self.nodes, element_nodes, self.parent
-        return at_nodes(self.users_points, self.cells, *of)
+        d = components(self.basis)
+        nodes = self.basis.element_dofs[::d] // d
+        return at_nodes(self.users_points, self.cells, self.nodes, nodes, self.parent)
 
     @property
     def users_points(self) -> ndarray:
@@ -337,8 +325,14 @@ class Ply(SumOfTerms):
         )
 
 
-def _mapped(values: ndarray, matrix: csr_matrix) -> ndarray:
-    """Product of a matrix with the last axis of values."""
+def _mapped(places: str, values: ndarray, matrix: csr_matrix) -> ndarray:
+    """Product of a matrix with the last axis of values, one for each of the places."""
+    values, n = np.asarray(values), matrix.shape[1]
+    if values.shape[-1:] != (n,):
+        raise ValueError(
+            f"a field must have a value for each of the {n} {places} along its last "
+            f"axis, got shape {values.shape}"
+        )
     columns = values.reshape(-1, values.shape[-1]).T
     return (matrix @ columns).T.reshape(*values.shape[:-1], -1)
 

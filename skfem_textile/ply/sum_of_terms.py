@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from skfem import CellBasis
 
 from ..fabric import Fabric
-from ..fabric.law import LawEnd
+from ..fabric.fabric import LawEnd
 from ..forms.fields import FabricOnBasis
 from ..forms.kernels.elements import FibreDeformation, IntegrationPoints
 from ..forms.kernels.kernel import (
@@ -181,14 +181,11 @@ class SumOfTerms(FabricOnBasis):
 
     @cached_property
     def _kinds(self) -> _Kinds:
-        by_kernel, by_element, by_matrix = [], [], []
-        for term in self.terms:
-            if isinstance(term, FormTerm) and term.kernel is not None:
-                by_kernel.append(term)
-            elif isinstance(term, ElementTerm):
-                by_element.append(term)
-            else:
-                by_matrix.append(term)
+        form_terms = [x for x in self.terms if isinstance(x, FormTerm)]
+        by_kernel = [x for x in form_terms if x.kernel is not None]
+        others = [x for x in self.terms if x not in by_kernel]
+        by_element = [x for x in others if isinstance(x, ElementTerm)]
+        by_matrix = [x for x in others if x not in by_element]
         return _Kinds(shared_groups(by_kernel), by_kernel, by_element, by_matrix)
 
     def _states(

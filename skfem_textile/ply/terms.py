@@ -432,6 +432,17 @@ def factor_at(owner: str, factor: Factor, t: float) -> float:
     return float(value)
 
 
+def named_edges(what: str, mesh: Mesh, name: str) -> ndarray:
+    """Numbers of the edges of a boundary, by its name; ``what`` is for messages."""
+    boundaries = mesh.boundaries or {}
+    if name not in boundaries:
+        names = ", ".join(map(repr, boundaries)) or "none"
+        raise ValueError(
+            f"{what}: the mesh has no boundary {name!r} (available: {names})"
+        )
+    return np.unique(boundaries[name])
+
+
 class Formulation(Protocol):
     """Element, integration points of tension and shear, and stabilisation terms.
 

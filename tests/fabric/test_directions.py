@@ -1,7 +1,6 @@
 """Fibre directions: angles, reference curves, and directions from node numbering."""
 
 import numpy as np
-import pytest
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Ply, split
@@ -10,8 +9,9 @@ from skfem_textile.fabric.directions import (
     FibreDirections,
     directions_of,
     directions_warning,
+    with_smooth_fields,
 )
-from tests.helpers import distorted
+from tests.helpers import distorted, refused
 
 MESH = distorted(1, (6, 5), 0.25)
 EDGES = MESH.p[:, MESH.t[1]] - MESH.p[:, MESH.t[0]]
@@ -43,6 +43,19 @@ def test_directions_of_each_element_reach_a_ply():
     again = directions_of(MESH, directions.on(Fabric(1e3, 0.5)))
     assert np.allclose(again.warp[0] * EDGES[1] - again.warp[1] * EDGES[0], 0.0)
     assert np.isfinite(ply.energy(ply.basis.zeros()))
+
+
+def test_directions_per_element_become_vectors_or_polynomials():
+    x, _ = MESH.p[:, MESH.t].mean(axis=1)
+    warp, weft = np.stack([np.cos(0.1 * x), np.sin(0.1 * x)]), np.full((2, x.size), 3.0)
+    smooth = with_smooth_fields(MESH, FibreDirections(-warp, weft).on(Fabric()))
+    np.testing.assert_allclose(smooth.weft, 0.5**0.5)
+    assert smooth.warp.coefficients.shape == (2, 2, 2)  # the lowest degree
+    A = smooth.warp(MESH.p)
+    np.testing.assert_allclose(np.arctan2(*-A[::-1]), 0.1 * MESH.p[0], atol=2e-3)
+    rough = np.random.default_rng(0).standard_normal(warp.shape)
+    rough = FibreDirections(warp, rough).on(Fabric())
+    refused(lambda: with_smooth_fields(MESH, rough), "^the weft .* a smooth field")
 
 
 def test_fibres_along_a_fine_arc_follow_the_circle():
@@ -88,8 +101,3 @@ def test_directions_from_any_numbering_are_reported():
 def test_fibres_along_the_edges_of_a_regular_mesh_are_accepted():
     mesh = MeshQuad().refined(3)
     assert directions_warning(mesh, directions_of(mesh, Fabric())) == ""
-
-
-def test_the_numbers_of_directions_of_both_families_are_equal():
-    with pytest.raises(ValueError, match="are 3 warp directions but 4 weft"):
-        FibreDirections(np.ones((2, 3)), np.ones((2, 4)))

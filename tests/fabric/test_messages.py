@@ -44,9 +44,9 @@ def table(*arguments, **options):
 
 
 SHORT, LINE = Tabulated([0, 0.01], [0, 1]), Linear(1.0)
+LIFTED = Tabulated([0, 0.01], [1, 2])
 LAWS = [
     (table([0.0], [0.0]), "a table requires at least two points, got 1"),
-    (table([0.0, 0.2, 0.1], [0, 1, 2]), "point 3: the argument 0.1 must be larger tha"),
     (table([0, 0.1, 0.1], [0, 1, 2]), "point 3: the argument 0.1 must"),
     (
         table([0, 0.1], [0, np.nan]),
@@ -68,7 +68,6 @@ LAWS = [
     (table([0, 60], [0, 1]), "in degrees"),
     (of(Polynomial, ()), "coefficients must be finite numbers"),
     (of(Polynomial, (1, "a")), "coefficients must be finite"),
-    (of(Polynomial, 3.0), "coefficients must be finite numbers"),
     (of(CrimpToe, 1e5, 0.0, 1.0), "toe must be a finite number > 0, got 0.0"),
     (of(CrimpToe, 1e5, 0.1, -1.0), "initial stiffness must be a finite number >= 0, g"),
     (of(CrimpToe, 1e4, 3, 1.0), "in per cent"),
@@ -85,8 +84,8 @@ LAWS = [
     (of(TensionOnly, Linear(np.ones(3))), "uniform over the elements; define a fabric"),
     (of(Pretensioned, SHORT, 3.0), "reaches only 1 N/mm at a strain of 0.01, less tha"),
     (
-        of(Pretensioned, Tabulated([0, 0.01], [1, 2]), 0.5),
-        "the law has a tension of 1 N/mm at zero strain, more than the pretension",
+        of(Pretensioned, LIFTED, 0.5),
+        "tension of 1 N/mm at zero strain, more than the pre",
     ),
     (of(Fabric, 1e3, -np.ones(30)), r"^shear stiffness must be .*, got -1\.0$"),
 ]
@@ -112,11 +111,10 @@ BOTH = CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0)
 
 @parametrized(
     [
-        (crimp(stiffness=0.0), "stiffness must be a finite number > 0, got 0.0"),
         (crimp(stiffness=(1.0, -1.0)), "stiffness must be a finite number > 0, got -1"),
-        (crimp(crimp=-0.1), "crimp must be a finite number >= 0, got -0.1"),
         (crimp(crimp=(0.1, np.nan)), "crimp must be a finite number >= 0, got nan"),
         (crimp(crimp=(0.1, 0.1, 0.1)), "crimp must be a number or a pair"),
+        (crimp(crimp=1.0), "a ratio of at most 0.5, such as 0.01 for 1 %, got .1.0,"),
         (crimp(bending=0.0), "bending must be a finite number > 0, got 0.0"),
         (crimp(toe=np.inf), "toe must be a finite number > 0, got inf"),
         (crimp(initial_stiffness=-1), "initial stiffness must be a finite number >= 0"),
@@ -128,6 +126,7 @@ BOTH = CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0)
         (lambda: Fabric((BOTH, 1e4)), "tension: CrimpInterchange is a law of both"),
         (lambda: TensionOnly(BOTH), "law must be a law of one strain"),
         (yarns(crimp=0.0), "crimp"),
+        (yarns(crimp=10.0), "a ratio of at most 1, "),
         (yarns(springs=-1.0), "springs"),
         (yarns(yarns=(1.0, 2.0)), "yarn"),
         (yarns(coupling=np.nan), "coupling"),
@@ -162,7 +161,6 @@ PARALLEL_ONCE = Fabric(warp=lambda x: np.stack([x[0] - 0.125, 1 + 0 * x[0]]))
         (fabric(warp=lambda x: x, weft=(0, 0)), f"weft {FINITE}"),
         (ply(PARALLEL_ONCE, MeshQuad().refined(2)), "parallel"),
         (ply(Fabric(warp=np.eye(2)[:, [0] * 5])), "one vector per element"),
-        (ply(Fabric(np.ones(7))), "7 values for 4 elements; specify one value per el"),
         (ply({"left": HALF}), "are not in any subdomain with a fabric"),
         (ply({"left": HALF, "rigth": HALF}), "no subdomain 'rigth'"),
         (ply({"left": HALF, "right": 1e4}), "'right' requires a Fabric"),
@@ -171,15 +169,12 @@ PARALLEL_ONCE = Fabric(warp=lambda x: np.stack([x[0] - 0.125, 1 + 0 * x[0]]))
         (lambda: FibreDirections.of_angles([], []), "shape"),
         (
             lambda: FibreDirections.of_angles([0.0, 1.0], [90.0]),
-            "there are 2 warp directions but 1 weft directions",
+            "are 2 warp dire.* but 1",
         ),
-        *(
-            (lambda points=points: AlongCurve(points), "reference curve|is not")
-            for points in (
-                *([[0.0], [0.0]], [[0, 0], [1, 1]], [[0, np.nan], [0, 1]]),
-                [[0, 1, 0], [0, 0, 0]],
-            )
-        ),
+        (of(AlongCurve, [[0.0], [0.0]]), "points of a reference curve must have"),
+        (of(AlongCurve, [[0, 0], [1, 1]]), "must be distinct"),
+        (of(AlongCurve, [[0, np.nan], [0, 1]]), "must be finite"),
+        (of(AlongCurve, [[0, 1, 0], [0, 0, 0]]), "must not turn back on itself"),
     ]
 )
 def test_a_fabric_or_direction_is_refused(call, text):
@@ -210,30 +205,18 @@ CSV = [
     ("", "law.csv: the file is empty"),
     (b"\xff\xfe", "not a CSV file in UTF-8"),
     ("0,0\n1,1\n", f"{FORM} 'shear angle .*, got '0,0'"),
-    ("shear angle,moment\n0,0\n1,1", FORM),
     ("shear angle (grad),moment (N/mm)\n0,0\n1,1", FORM),
     ("shear angle (deg),tension (N/mm)\n0,0\n1,1", FORM),
-    (
-        "shear angle (deg);moment (N/mm)\n0;0,5\n1.5;1",
-        "law.csv: numbers have both decimal points and commas",
-    ),
-    (HEADER, "law.csv, a table requires at least two points, got 0"),
-    (HEADER + "0,0\n", "a table requires at least two points, got 1"),
-    (HEADER + "0,0\n1;1\n", "row 3: two numbers are required, got '1;1'"),
+    (HEADER.replace(",", ";") + "0;0,5\n1.5;1", "both decimal points and commas"),
+    (HEADER + "0,0\n", "law.csv, a table requires at least two points, got 1"),
     (HEADER + "0,0\n1,1,1\n", "row 3: two numbers are required, got '1,1,1'"),
     (HEADER + "0,0\n1,x\n", "row 3: two numbers are required, got '1,x'"),
     (HEADER + "0,0\n\n1,inf\n", "row 4: both numbers must be finite, got 1, inf"),
-    (
-        HEADER + "0,0\n\n2,1\n1,2",
-        "row 5: the argument 1 must be larger than the previous one, 2",
-    ),
+    (HEADER + "0,0\n\n2,1\n1,2", "row 5: the argument 1 must be larger than the pr"),
     (HEADER + "1,0\n2,1\n", "law.csv: the table covers 0.0174533 to .* excludes 0"),
     ("shear angle (rad),moment (N/mm)\n0,0\n40,2\n", "row 3: 40.*degrees"),
     ("shear angle (deg),moment (N/mm)\n0,0\n120,2\n", "row 3: 2.094.* rad$"),
-    (
-        "fibre strain (-),tension (N/mm)\n0,0\n3,9\n",
-        "largest strain, 1: is the value in per",
-    ),
+    ("fibre strain (-),tension (N/mm)\n0,0\n3,9\n", "strain, 1: is the value in per"),
 ]
 
 
@@ -255,7 +238,6 @@ def test_a_table_of_the_other_kind_is_refused(tmp_path):
 KIND = "'kind' is the name of a law"
 JSON = [
     ("{", "not JSON"),
-    ("[]", f"an object whose key {KIND}"),
     ("3", f"an object whose key {KIND}"),
     ('{"kind": "AlongCurve", "points": [[0, 1], [0, 1]]}', KIND),
     ('{"kind": "Cubic"}', "unknown law 'Cubic'"),

@@ -50,32 +50,22 @@ def test_a_table_is_evaluated_in_its_region_only(caplog):
 
 
 PLIES = {
-    "full": (Full(), rectangle),
+    "full": (Full(), rectangle, LEFT),
     "full, coupled": (Full(), rectangle, COUPLED),
-    "one point": (OnePoint(), rectangle),
-    "rate": (OnePoint(1.0, "rate"), rectangle),
-    "continuity": (OnePoint(1.0, "continuity"), rectangle),
-    "isotropic": (OnePoint(1.0, "isotropic"), rectangle),
-    "macro": (Macro(), lambda: split(rectangle())),
+    "one point": (OnePoint(), rectangle, LEFT),
+    "rate": (OnePoint(1.0, "rate"), rectangle, LEFT),
+    "continuity": (OnePoint(1.0, "continuity"), rectangle, LEFT),
+    "isotropic": (OnePoint(1.0, "isotropic"), rectangle, LEFT),
+    "macro": (Macro(), lambda: split(rectangle()), LEFT),
     "macro, coupled": (Macro(), lambda: split(rectangle()), COUPLED),
-    "macro triangles": (Macro(), lambda: split(halves(cut(rectangle())))),
-    "quadratic": (Quadratic(), lambda: halves(cut(rectangle()))),
-    "mean": (Quadratic(20.0), lambda: halves(cut(rectangle()))),
+    "macro triangles": (Macro(), lambda: split(halves(cut(rectangle()))), LEFT),
+    "quadratic": (Quadratic(), lambda: halves(cut(rectangle())), LEFT),
+    "mean": (Quadratic(20.0), lambda: halves(cut(rectangle())), LEFT),
     "mean, coupled": (Quadratic(20.0), lambda: halves(cut(rectangle())), COUPLED),
 }
 every_ply = pytest.mark.parametrize(
-    ("formulation", "mesh", "left"),
-    [
-        (formulation, mesh, *(left or [LEFT]))
-        for formulation, mesh, *left in PLIES.values()
-    ],
-    ids=list(PLIES),
+    ("formulation", "mesh", "left"), PLIES.values(), ids=PLIES
 )
-
-
-def values(chosen, left, right):
-    """Values for the elements of either half, the last axis theirs."""
-    return np.where(chosen, np.reshape(left, (-1, 1)), np.reshape(right, (-1, 1)))
 
 
 @every_ply
@@ -105,22 +95,21 @@ def test_forms_and_kernels_agree_and_are_derivatives(formulation, mesh, left):
 
 @pytest.mark.parametrize("parts", [False, True])
 def test_values_of_the_users_elements_apply_to_their_parts(parts):
-    mesh = rectangle()
-    x = mesh.p[:, mesh.t].mean(axis=1)
-    left = x[0] < 5
-    fabric = Fabric(
-        (values(left, 1e3, 2e3)[0], values(left, 500.0, 100.0)[0]),
-        values(left, 1.0, 3.0)[0],
-        values(left, (1, 0.3), (1, 0.6)),
-        values(left, (-0.2, 1), (-0.5, 1)),
+    mesh = split(rectangle()) if parts else rectangle()
+    of_left = np.isin(np.arange(12), rectangle().subdomains["left"])
+
+    def by_element(left, right):
+        return np.where(of_left, np.transpose([left]), np.transpose([right])).squeeze()
+
+    left = Fabric((1e3, 500.0), 1.0, (1, 0.3), (-0.2, 1))
+    right = Fabric((2e3, 100.0), 3.0, (1, 0.6), (-0.5, 1))
+    tensions = (by_element(1e3, 2e3), by_element(500.0, 100.0))
+    directions = by_element(left.warp, right.warp), by_element(left.weft, right.weft)
+    by_values = Fabric(tensions, by_element(1.0, 3.0), *directions)
+    one, other = (
+        Ply(mesh, given, Macro() if parts else OnePoint())
+        for given in (by_values, {"left": left, "right": right})
     )
-    regions = {
-        "left": Fabric((1e3, 500.0), 1.0, (1, 0.3), (-0.2, 1)),
-        "right": Fabric((2e3, 100.0), 3.0, (1, 0.6), (-0.5, 1)),
-    }
-    formulation = Macro() if parts else OnePoint()
-    mesh = split(mesh) if parts else mesh
-    one, other = (Ply(mesh, cloth, formulation) for cloth in (fabric, regions))
     u = 0.3 * random_u(one, 1)
     assert one.energies(u) == pytest.approx(other.energies(u), rel=1e-12)
     np.testing.assert_allclose(one.residual(u), other.residual(u), atol=1e-9)

@@ -39,7 +39,7 @@ from skfem_textile import (
     tension,
 )
 from skfem_textile.mesh.bases import element_numbers
-from tests.helpers import defined, derivative, distorted
+from tests.helpers import defined, distorted
 
 C_S, ANGLES = 2.0, np.linspace(-0.4, 0.5, 6)
 BY_ELEMENT = np.array([np.cos(ANGLES), np.sin(ANGLES)])
@@ -217,12 +217,8 @@ def assert_sum(both, one, other, basis, **parameters):
 
 @pytest.mark.parametrize(
     ("rule", "part", "element", "dimension"),
-    [
-        (CENTRE, None, "displacement", 3),
-        (GAUSS, "right", "first of two", 2),
-        (GAUSS, None, "last of three", 3),
-    ],
-    ids=["one point", "part", "last of three"],
+    [(CENTRE, None, "displacement", 3), (GAUSS, "right", "first of two", 2)],
+    ids=["one point", "part"],
 )
 def test_a_sum_of_forms_is_assembled_as_its_terms(rule, part, element, dimension):
     vector = ELEMENTS[element](ElementVector(ElementQuad1(), dimension))
@@ -281,17 +277,6 @@ def test_directions_are_functions_or_fields_or_dof_vectors(dimension):
     assert_equal(found, right)
 
 
-def test_residual_and_tangent_of_a_composite_problem_are_derivatives():
-    element = ELEMENTS["last of three"](ElementVector(ElementQuad1()))
-    by_forms = terms(FABRICS["by position"], element)
-    u, du = 0.05 * np.random.default_rng(8).standard_normal((2, by_forms[0][1].N))
-    f, K = total(by_forms, "residual", u), total(by_forms, "tangent", u)
-    work = derivative(lambda x: total(by_forms, "energy", x), u, du)
-    assert work == pytest.approx(f @ du, rel=1e-6)
-    change = derivative(lambda x: total(by_forms, "residual", x), u, du)
-    np.testing.assert_allclose(change, K @ du, atol=1e-6 * np.abs(change).max())
-
-
 @pytest.mark.parametrize(
     ("mesh", "element"),
     [
@@ -305,13 +290,7 @@ def test_residual_and_tangent_of_a_composite_problem_are_derivatives():
 def test_elements_with_other_unknowns_than_values_at_nodes_are_right(mesh, element):
     basis = Basis(mesh, ElementVector(element), intorder=4)
     u = 0.01 * np.random.default_rng(0).standard_normal(basis.N)
-    for form in (tension(Fabric(1e3)), shear(Fabric(1e3, 0.3))):
-        E = asm(form.energy, basis, u=u)
-        assert pytest.approx(asm(form.energy, basis, u=basis.interpolate(u))) == E
-        f, K = (asm(x, basis, u=u) for x in form[1:])
-        du = 1e-6 * np.random.default_rng(1).standard_normal(basis.N)
-        after, before = (asm(form.energy, basis, u=u + s * du) for s in (1, -1))
-        assert after - before == pytest.approx(2 * f @ du, rel=1e-6)
-        after, before = (asm(form.residual, basis, u=u + s * du) for s in (1, -1))
-        error = np.abs(after - before - 2 * K @ du).max()
-        assert error < 1e-6 * np.abs(K @ du).max()
+    for forms in (tension(Fabric(1e3)), shear(Fabric(1e3, 0.3))):
+        for form, readable in zip(forms, defined(forms), strict=True):
+            expected = asm(readable, basis, u=basis.interpolate(u))
+            assert_equal(asm(form, basis, u=u), expected)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from skfem import (
     Basis,
-    ElementDG,
     ElementHex1,
     ElementQuad0,
     ElementQuad1,
@@ -25,21 +24,19 @@ from skfem_textile import (
     Fabric,
     Full,
     HourglassBasis,
-    JumpBasis,
     Macro,
     MacroBasis,
     OnePoint,
     Ply,
-    Quadratic,
     Tabulated,
     fibre_fields,
     quad_basis,
     split,
     tension,
-    triangle_basis,
 )
 from skfem_textile.fabric import kinematics as kin
 from skfem_textile.forms.fields import on_basis
+from tests.helpers import refused
 
 RNG = np.random.default_rng(3)
 
@@ -151,12 +148,6 @@ def test_on_a_macro_basis_the_strain_is_that_of_the_mean_stretch(mesh):
     assert np.abs(fields.strain - ply.fibre_strain(u)).max() > 1e-4
 
 
-def test_on_quadratic_triangles_fields_are_those_of_a_ply():
-    ply = Ply(TRIANGLES, Fabric(1e3), Quadratic())
-    u = moved(ply.basis, 1e-3)
-    assert_equal(fibre_fields(triangle_basis(TRIANGLES), u, ply.fabric), ply, u)
-
-
 def test_values_by_users_elements_are_those_of_the_parts_of_a_split_mesh():
     mesh = split(SQUARE)
     basis = quad_basis(mesh, CENTRE)
@@ -222,63 +213,42 @@ def test_vertices_without_elements_of_the_basis_have_no_value():
 PLAIN = quad_basis(SQUARE, CENTRE)
 U = PLAIN.zeros()
 FIVE, NONE = np.ones((2, 5)), np.empty(0, dtype=int)
+ACROSS, FIVE_ROWS = kin.rotated(FIVE), PLAIN.with_elements(np.arange(9, 14))
 VECTOR = ElementVector(ElementQuad1())
+TWO_FIELDS = VECTOR * ElementQuad1()
+CONSTANT = Basis(SQUARE, ElementVector(ElementQuad0()))
 HEX = Basis(MeshHex(), ElementVector(ElementHex1()))
 MORLEY = Basis(MeshTri(), ElementVector(ElementTriMorley()))
 
-MISUSES = {
-    "a ply": ((Ply(SQUARE, FABRIC), U, FABRIC), "not a Ply: pass .basis, u, fabric"),
-    "a mesh": ((SQUARE, U, FABRIC), "basis must be a scikit-fem basis .* not a MeshQ"),
-    "the order": ((U, PLAIN, FABRIC), "basis must be a .* pass .basis, u, fabric"),
-    "the end": ((PLAIN, FABRIC, U), "fabric must be a Fabric .* not an? ndarray"),
-    "a number": ((PLAIN, U, 1e4), "fabric must be a Fabric .* not a float"),
-    "a scalar": ((Basis(SQUARE, ElementQuad1()), U, FABRIC), "has no vector field,"),
-    "edges": ((FacetBasis(SQUARE, VECTOR), U, FABRIC), "in elements.* not a FacetBas"),
-    "two fields on edges": (
-        (FacetBasis(SQUARE, VECTOR * ElementQuad1()), U, FABRIC),
-        "in elements.* not a FacetBasis",
+MISUSES = [
+    ((SQUARE, U, FABRIC), "basis must be a scikit-fem basis .* not a MeshQ"),
+    ((U, PLAIN, FABRIC), "basis must be a .* pass .basis, u, fabric"),
+    ((PLAIN, U, 1e4), "fabric must be a Fabric .* not a float"),
+    ((Basis(SQUARE, ElementQuad1()), U, FABRIC), "has no vector field,"),
+    (
+        (FacetBasis(SQUARE, TWO_FIELDS), U, FABRIC),
+        "must be of elements, .* not a FacetBas",
     ),
-    "jumps": ((JumpBasis(SQUARE), U, FABRIC), "in elements.* not a JumpBasis"),
-    "hourglass": ((HourglassBasis(SQUARE), U, FABRIC), "not an HourglassBasis"),
-    "bricks": ((HEX, np.zeros(24), FABRIC), "triangles or quadrilaterals, not 3 on a"),
-    "Morley": ((MORLEY, np.zeros(MORLEY.N), FABRIC), "not ElementTriMorley"),
-    "constants": (
-        (Basis(SQUARE, ElementVector(ElementQuad0())), U, FABRIC),
-        "H¹ element such as ElementQuad1, not ElementQuad0",
+    ((HourglassBasis(SQUARE), U, FABRIC), "not an HourglassBasis"),
+    (
+        (HEX, np.zeros(24), FABRIC),
+        "quadrilaterals or triangles in the plane, not MeshHex",
     ),
-    "broken": (
-        (Basis(SQUARE, ElementVector(ElementDG(ElementQuad1()))), U, FABRIC),
-        "not ElementDG",
-    ),
-    "nothing": (
-        (PLAIN.with_elements(np.array([], int)), U, FABRIC),
-        "the basis has no elements",
-    ),
-    "short": ((PLAIN, U[1:], FABRIC), r"u must .* shape \(basis.N,\), got shape"),
-    "rows": ((PLAIN, U.reshape(-1, 2), FABRIC), "u must be a DOF vector of the basis"),
-    "missing": ((PLAIN, None, FABRIC), "u must be a DOF vector of the basis"),
-    "not finite": ((PLAIN, U + np.nan, FABRIC), "u must .* finite numbers"),
-    "complex": ((PLAIN, U + 1j, FABRIC), "u must be real-valued"),
-    "text": ((PLAIN, "u", FABRIC), "u must be real-valued, got 'u'"),
-    "directions": (
-        (PLAIN, U, Fabric(warp=FIVE, weft=kin.rotated(FIVE))),
-        "warp: 5 vectors for 64 elements",
-    ),
-    "stiffnesses": ((PLAIN, U, Fabric(np.ones(5))), "tension of warp: 5 values for 64"),
-    "by row": (
-        (PLAIN.with_elements(np.arange(9, 14)), U, Fabric(np.ones(5))),
-        "tension of warp: 5 values for 64",
-    ),
-    "the place": ((PLAIN, U, FABRIC, "element"), "at must be one of points, elements"),
-}
+    ((MORLEY, np.zeros(MORLEY.N), FABRIC), "not ElementTriMorley"),
+    ((CONSTANT, U, FABRIC), "ElementQuad0 has no gradient"),
+    ((PLAIN.with_elements(NONE), U, FABRIC), "the basis has no elements"),
+    ((PLAIN, U[1:], FABRIC), r"u must .* shape \(basis.N,\), got shape"),
+    ((PLAIN, U + np.nan, FABRIC), "u must .* finite numbers"),
+    ((PLAIN, "u", FABRIC), "u must be real-valued, got 'u'"),
+    ((PLAIN, U, Fabric(warp=FIVE, weft=ACROSS)), "warp: 5 vectors for 64 elements"),
+    ((FIVE_ROWS, U, Fabric(np.ones(5))), "tension of warp: 5 values for 64"),
+    ((PLAIN, U, FABRIC, "element"), "at must be one of points, elements"),
+]
 
 
-@pytest.mark.parametrize("name", MISUSES)
-def test_wrong_arguments_are_named_in_one_line(name):
-    arguments, message = MISUSES[name]
-    with pytest.raises(ValueError, match=message) as raised:
-        fibre_fields(*arguments)
-    assert "\n" not in str(raised.value)
+@pytest.mark.parametrize(("arguments", "message"), MISUSES)
+def test_wrong_arguments_are_named_in_one_line(arguments, message):
+    refused(lambda: fibre_fields(*arguments), message)
 
 
 def test_the_area_ratio_of_a_part_is_the_smallest_at_points_and_corners():

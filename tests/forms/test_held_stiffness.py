@@ -27,8 +27,10 @@ def test_deviations_have_shear_and_tension_in_series_with_fibres(G, E, T, resist
     assert 1 / E_d == pytest.approx(1 / (1000 * resistance) + 1 / E, rel=1e-12)
 
 
-def test_deviation_stiffness_is_half_the_fibres_without_shear_stiffness():
+def test_stiffnesses_are_shares_of_the_fibres_without_shear_stiffness():
+    """At any tension and angle."""
     G, T = np.array(0.0), np.array(3.0)
+    assert stabilisation_stiffness(G, np.array(1e4), T, np.array(0.5)) == 1.0
     assert deviation_stiffness(1000.0, G, np.array(1e4), T) == 5e3
     assert deviation_stiffness(1000.0, G, np.array(0.0), T) == 0.0
 

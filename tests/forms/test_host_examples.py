@@ -50,8 +50,17 @@ from skfem_textile import (
 C_S = 0.2  # N/mm
 
 
+def terms_of(fabric, basis):
+    """The element of Hamila & Boisse: forms and their bases."""
+    corners = HourglassBasis(basis.mesh)
+    return [
+        *((tension(fabric), basis), (shear(fabric), basis)),
+        (hourglass(fabric, C_S), corners),
+    ]
+
+
 def total(terms, part, u):
-    """Sum of energies, residuals or tangents at a DOF vector or a field."""
+    """Sum of energies, residuals or tangents."""
     return sum(asm(getattr(forms, part), basis, u=u) for forms, basis in terms)
 
 
@@ -87,8 +96,7 @@ def test_example_36_blocks_of_displacement_and_pressure():
         "u": Basis(mesh, ElementVector(ElementQuad1()), quadrature=CENTRE),
         "p": Basis(mesh, ElementQuad0(), quadrature=CENTRE),
     }
-    terms = [(tension(fabric), basis["u"]), (shear(fabric), basis["u"])]
-    terms.append((hourglass(fabric, C_S), HourglassBasis(mesh)))
+    terms = terms_of(fabric, basis["u"])
     a1 = LinearForm(lambda v, w: w["p"] * ddot(of_area(w)[1], grad(v)))
     a2 = LinearForm(lambda q, w: (of_area(w)[0] - w["p"] / K_A) * q)
     b11 = BilinearForm(lambda u, v, w: w["p"] * ddot(cofactor(grad(u)), grad(v)))
@@ -202,13 +210,7 @@ def test_example_51_contact_of_two_bodies():
     ]
     meshes = [mesh.with_defaults() for mesh in meshes]
     bases = [quad_basis(mesh, CENTRE) for mesh in meshes]
-    terms = [
-        (
-            *((tension(fabric), basis), (shear(fabric), basis)),
-            (hourglass(fabric, C_S), HourglassBasis(basis.mesh)),
-        )
-        for basis in bases
-    ]
+    terms = [terms_of(fabric, basis) for basis in bases]
     n = bases[0].N
     force = asm(LinearForm(lambda v, w: 5e-2 * v[0] + 1e-2 * v[1]), bases[1])
     force = np.concatenate([np.zeros(n), force])

@@ -5,7 +5,6 @@ import pytest
 from skfem import (
     Basis,
     ElementHex1,
-    ElementLineP1,
     ElementQuad0,
     ElementQuad1,
     ElementQuad2,
@@ -13,9 +12,7 @@ from skfem import (
     ElementTriP1,
     ElementVector,
     FacetBasis,
-    InteriorFacetBasis,
     MeshHex,
-    MeshLine,
     MeshQuad,
     MeshTri,
     asm,
@@ -27,7 +24,6 @@ from skfem_textile import (
     Fabric,
     HourglassBasis,
     JumpBasis,
-    Linear,
     MeanBasis,
     forms,
     quad_basis,
@@ -42,7 +38,7 @@ PLAIN, SCALAR = quad_basis(MESH, CENTRE), Basis(MESH, ElementQuad1())
 IN_SPACE = quad_basis(MESH, CENTRE, 3)
 HOURGLASS, JUMPS = HourglassBasis(MESH), JumpBasis(MESH)
 MEANS = MeanBasis(MESH, VECTOR)
-EDGES, INNER_EDGES = FacetBasis(MESH, VECTOR), InteriorFacetBasis(MESH, VECTOR)
+EDGES = FacetBasis(MESH, VECTOR)
 TWO_POINTS = quad_basis(MESH, (np.full((2, 2), 0.5), np.full(2, 0.5)))
 BIQUADRATIC = HourglassBasis(MESH, ElementVector(ElementQuad2()))
 CONSTANT = Basis(MESH, ElementVector(ElementQuad0()))
@@ -50,7 +46,6 @@ WITHOUT_VECTOR = Basis(MESH, ElementQuad1() * ElementQuad1())
 FLUX = Basis(MESH, ElementQuadRT0())
 FOUR = Basis(MESH, ElementVector(ElementQuad1(), 4))
 SOLID = Basis(MeshHex(), ElementVector(ElementHex1()))
-LINE = Basis(MeshLine(), ElementVector(ElementLineP1(), 2))
 PART = PLAIN.with_elements(np.arange(3))
 C_S, E_D = {"C_s": np.ones((N, 1))}, {"E_d": np.ones((2, N, 1))}
 MOMENT = {"moment": np.zeros((N, 1)), "last": PLAIN.zeros()}
@@ -59,6 +54,8 @@ ON_PART = PART.interpolate(U)
 FLAT_IN_SPACE = IN_SPACE.interpolate(IN_SPACE.zeros())
 OF_GAUSS = quad_basis(MESH, GAUSS).interpolate(U)
 ONE_INFINITE = np.where(np.arange(PLAIN.N) == 3, np.inf, 0.0)
+NOT_FINITE = PLAIN.interpolate(U + np.nan)
+SHORT = MOMENT | {"last": U[1:]}
 TOO_MANY = np.ones((2, N + 4))
 
 OF_FABRIC, WITH_NUMBER = (FABRIC,), (FABRIC, 1.0)
@@ -66,114 +63,59 @@ MISUSES = [
     # form, its arguments, a basis, parameters, message
     # the basis
     ("tension", OF_FABRIC, HOURGLASS, {}, "quad_basis.* not an HourglassBasis"),
-    ("shear", OF_FABRIC, HOURGLASS, {}, "quad_basis.* not an HourglassBasis"),
-    ("shear_continuity", WITH_NUMBER, HOURGLASS, {}, "not an HourglassBasis"),
     ("hourglass", WITH_NUMBER, PLAIN, {}, r"requires a basis HourglassBasis\(mesh\)"),
-    ("hourglass_rate", WITH_NUMBER, PLAIN, MOMENT, r"requires a basis HourglassB"),
     ("isotropic_hourglass", (1.0,), PLAIN, {}, r"requires a basis HourglassBasis"),
     ("out_of_plane", (), IN_SPACE, C_S, "basis HourglassBasis"),
-    ("shear_continuity", WITH_NUMBER, PLAIN, {}, r"requires a basis JumpBasis"),
     ("mean_tension", OF_FABRIC, PLAIN, E_D, "requires a MeanBasis or a MacroBasis"),
-    ("tension", OF_FABRIC, EDGES, {}, "integral over elements.* not a FacetBasis"),
-    ("shear", OF_FABRIC, EDGES, {}, "integral over elements.* not a FacetBasis"),
-    ("hourglass", WITH_NUMBER, INNER_EDGES, {}, "elements.* not an InteriorFacetB"),
-    ("mean_tension", OF_FABRIC, INNER_EDGES, E_D, "elements.* not an InteriorFacetB"),
-    ("isotropic_hourglass", (1.0,), EDGES, {}, "elements.* not a FacetBasis"),
-    ("tension", OF_FABRIC, JUMPS, {}, "integral over elements.* not a JumpBasis"),
-    ("shear", OF_FABRIC, JUMPS, {}, "integral over elements.* not a JumpBasis"),
     (
-        "shear_continuity",
-        WITH_NUMBER,
-        TWO_POINTS,
+        "tension",
+        OF_FABRIC,
+        EDGES,
         {},
-        r"JumpBasis\(mesh\), not a Cel",
+        "must be of elements, such as .*, not a FacetBasis",
     ),
-    ("shear_continuity", WITH_NUMBER, INNER_EDGES, {}, "JumpBasis.* an InteriorFacetB"),
-    # the element
+    ("shear_continuity", WITH_NUMBER, TWO_POINTS, {}, r"JumpBasis\(mesh\), not a Cel"),
+    # the element and its order
     ("tension", OF_FABRIC, SCALAR, {}, "displacement with two or three components"),
-    ("shear", OF_FABRIC, SCALAR, {}, "displacement with two or three components"),
-    ("hourglass", WITH_NUMBER, SCALAR, {}, "with two or three components"),
     ("tension", OF_FABRIC, WITHOUT_VECTOR, {}, "with two or three components"),
     ("hourglass", WITH_NUMBER, BIQUADRATIC, {}, r"ElementVector\(ElementQuad1\(\)\)"),
     ("tension", OF_FABRIC, FLUX, {}, "displacement with two or three components"),
     ("shear", OF_FABRIC, FOUR, {}, "displacement with two or three components"),
     ("tension", OF_FABRIC, SOLID, {}, "in the plane, not MeshHex1"),
-    ("shear", OF_FABRIC, LINE, {}, "in the plane, not MeshLine1"),
-    # its order
     ("tension", OF_FABRIC, CONSTANT, {}, "ElementQuad0 has no gradient"),
-    ("shear", OF_FABRIC, CONSTANT, {}, "ElementQuad0 has no gradient"),
     # missing parameters
-    ("tension", OF_FABRIC, PLAIN, {"u": None}, "parameter 'u'"),
-    ("shear", OF_FABRIC, PLAIN, {"u": None}, "parameter 'u'"),
-    ("hourglass", WITH_NUMBER, HOURGLASS, {"u": None}, "parameter 'u'"),
-    ("mean_tension", OF_FABRIC, MEANS, {"u": None, **E_D}, "parameter 'u'"),
     ("shear_continuity", WITH_NUMBER, JUMPS, {"u": None}, "parameter 'u'"),
     ("mean_tension", OF_FABRIC, MEANS, {}, "requires the parameter 'E_d'"),
     ("hourglass", OF_FABRIC, HOURGLASS, {}, "requires the parameter 'C_s'"),
     ("hourglass_rate", WITH_NUMBER, HOURGLASS, {}, "parameter '(last|moment)'"),
-    # shapes
+    # shapes and values
     ("tension", OF_FABRIC, PLAIN, {"u": U[:-2]}, "u must have 50 real numbers"),
-    ("shear", OF_FABRIC, PLAIN, {"u": IN_SPACE.zeros()}, "u must have 50 real"),
     ("tension", OF_FABRIC, PLAIN, {"u": U.reshape(-1, 2)}, r"not shape \(25, 2\)"),
-    ("tension", OF_FABRIC, PLAIN, {"u": U.tolist()}, "u must be a DOF vector.*list"),
-    (
-        "tension",
-        OF_FABRIC,
-        PLAIN,
-        {"u": tuple(U)},
-        "u must be a DOF vector.* tuple",
-    ),
-    ("tension", OF_FABRIC, PLAIN, {"u": U + np.nan}, "u must be finite: 50 of its 50"),
+    ("tension", OF_FABRIC, PLAIN, {"u": tuple(U)}, "u must be a DOF vector.* tuple"),
     ("shear", OF_FABRIC, PLAIN, {"u": ONE_INFINITE}, "u must be finite: 1 of its 50"),
-    ("hourglass", WITH_NUMBER, HOURGLASS, {"u": ONE_INFINITE}, "u must be finite: 1 "),
-    (
-        *("tension", OF_FABRIC, PLAIN),
-        *({"u": PLAIN.interpolate(U + np.nan)}, "u must be finite: 64 of its 64"),
-    ),
+    ("tension", OF_FABRIC, PLAIN, {"u": NOT_FINITE}, "u must be finite: 64 of its 64"),
     ("shear", OF_FABRIC, PLAIN, {"u": U + 0j}, "u must have 50 real.*complex"),
     ("tension", OF_FABRIC, PLAIN, {"u": ON_PART}, "u has the shape .* 16 elements"),
-    ("tension", OF_FABRIC, PART, {"u": PLAIN.interpolate(U)}, "has 3 elements"),
     ("tension", OF_FABRIC, PLAIN, {"u": FLAT_IN_SPACE}, "u has 3 components, but .* 2"),
-    ("shear", OF_FABRIC, IN_SPACE, {"u": PLAIN.interpolate(U)}, "u has 2 comp.* has 3"),
     ("hourglass", WITH_NUMBER, HOURGLASS, {"u": OF_GAUSS}, "and u on this basis"),
     ("hourglass", OF_FABRIC, HOURGLASS, {"C_s": np.ones(N)}, r"C_s must have .*\(16,"),
     ("hourglass", OF_FABRIC, HOURGLASS, {"C_s": np.ones((3, 1))}, "C_s has the shape"),
     ("hourglass", OF_FABRIC, HOURGLASS, {"C_s": -1.0}, "C_s must be >= 0"),
-    (
-        "hourglass",
-        OF_FABRIC,
-        HOURGLASS,
-        {"C_s": np.nan},
-        "C_s must be finite: 1 of",
-    ),
+    ("hourglass", OF_FABRIC, HOURGLASS, {"C_s": np.nan}, "C_s must be finite: 1 of"),
     ("mean_tension", OF_FABRIC, MEANS, {"E_d": 1.0}, r"E_d must have .*\(2, n_el"),
-    ("mean_tension", OF_FABRIC, MEANS, {"E_d": np.ones((N, 1))}, "E_d must have"),
-    (
-        *("hourglass_rate", WITH_NUMBER, HOURGLASS),
-        *({**MOMENT, "last": U[1:]}, "last must have 50 real"),
-    ),
+    ("hourglass_rate", WITH_NUMBER, HOURGLASS, SHORT, "last must have 50 real"),
     ("tension", OF_FABRIC, PLAIN, {"tension": np.ones((N, 1))}, "tension must have"),
     # the fabric
     ("tension", (1e4,), PLAIN, {}, r"tension requires a Fabric such as .*not 10000"),
-    ("shear", (Fabric,), PLAIN, {}, "shear requires a Fabric"),
-    ("mean_tension", ({"right": FABRIC},), MEANS, E_D, "requires a Fabric"),
-    ("hourglass", (Linear(1.0), 1.0), HOURGLASS, {}, "requires a Fabric"),
     ("hourglass", (FABRIC, -1.0), HOURGLASS, {}, "C_s must be a number >= 0, not -1"),
     ("hourglass", (FABRIC, "auto"), HOURGLASS, {}, "C_s must be a number >= 0"),
     ("isotropic_hourglass", (np.ones(3),), HOURGLASS, {}, "stiffness must be a number"),
     ("shear_continuity", (FABRIC, None), JUMPS, {}, "C_j must be a number"),
     ("tension", (Fabric(0.0, 1.0),), PLAIN, {}, "no tension stiffness"),
-    ("tension", (Fabric(np.ones(N + 4)),), PLAIN, {}, "tension of warp: 20 values for"),
     ("shear", (Fabric(1.0, np.ones(5)),), PART, {}, "shear: 5 values for 16 elements"),
     ("tension", (Fabric(1.0, warp=TOO_MANY),), PLAIN, {}, "warp: 20 vectors for 16"),
-    (
-        *("tension", (Fabric(1.0, warp=lambda x: 0 * x),), PLAIN),
-        *({}, "warp must be a non-zero finite vector"),
-    ),
     # directions as parameters
     ("tension", OF_FABRIC, PLAIN, {"warp": np.ones(7)}, r"or a DOF vector.*\(7,\)"),
-    ("tension", OF_FABRIC, PLAIN, {"weft": (0.0, 1.0)}, r"weft must have.*\(2,\)"),
-    ("tension", OF_FABRIC, PLAIN, {"warp": np.ones(3)}, r"shape \(2, n_el.*\(3,\)"),
     ("shear", OF_FABRIC, PLAIN, {"weft": np.ones((2, 3, 1))}, "weft has the shape"),
     ("shear", OF_FABRIC, IN_SPACE, {"warp": IN_SPACE.zeros() + 1}, "warp must lie in"),
     ("tension", OF_FABRIC, PLAIN, {"warp": U}, "warp must be a non-zero"),
@@ -265,12 +207,7 @@ def test_a_basis_names_the_mesh_that_it_requires(build, text):
 
 @pytest.mark.parametrize(
     ("name", "arguments", "basis"),
-    [
-        ("tension", OF_FABRIC, PLAIN),
-        ("shear", OF_FABRIC, IN_SPACE),
-        ("hourglass", WITH_NUMBER, HOURGLASS),
-        ("isotropic_hourglass", (1.0,), HOURGLASS),
-    ],
+    [("tension", OF_FABRIC, IN_SPACE), ("hourglass", WITH_NUMBER, HOURGLASS)],
 )
 def test_a_basis_without_elements_contributes_nothing(name, arguments, basis):
     empty, u = basis.with_elements(np.empty(0, int)), np.ones(basis.N)

@@ -56,6 +56,13 @@ def square(n, jitter=0.0, side=SIDE):
     return rectangle(side, side, (n, n), "irregular", jitter, 1)
 
 
+#: Fibres with different curvatures.
+CURVED = {
+    "warp": lambda x: np.stack([np.cos(0.2 * x[1]), np.sin(0.2 * x[1])]),
+    "weft": lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.2 * x[0])]),
+}
+
+
 # Plies of quadratic triangles
 
 
@@ -71,6 +78,13 @@ def dofs(ply, columns):
     """The DOF vector of one column per node."""
     u = ply.basis.zeros()
     u[ply.nodal(np.arange(ply.basis.N))] = columns
+    return u
+
+
+def lifted(ply, z):
+    """Displacement of a ply in space along z only."""
+    u = ply.basis.zeros()
+    u[2::3] = z
     return u
 
 

@@ -7,13 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
-from skfem import (
-    BilinearForm,
-    CellBasis,
-    ElementVector,
-    MeshQuad2,
-    asm,
-)
+from skfem import CellBasis, ElementVector, MeshQuad2, asm
 from skfem.element import ElementQuad2
 
 from skfem_textile import (
@@ -47,26 +41,15 @@ from tests.helpers import (
     random_u,
     values_at_rest,
 )
+from tests.helpers.plies import CURVED
 
 FABRICS = {
     "even": Fabric((1e4, 3.0), Sin2(0.7), warp=(2, 1), weft=(-1, 3)),
-    "curved": Fabric(
-        1e3,
-        0.5,
-        warp=lambda x: np.stack([np.cos(0.2 * x[1]), np.sin(0.2 * x[1])]),
-        weft=lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.2 * x[0])]),
-    ),
+    "curved": Fabric(1e3, 0.5, **CURVED),
     "one family": Fabric((0.0, 50.0), 0.3),
-    "coupled": Fabric(
-        Coupled(1e4, 3e3),
-        0.5,
-        warp=(2, 1),
-        weft=(-1, 3),
-    ),
+    "coupled": Fabric(Coupled(1e4, 3e3), 0.5, warp=(2, 1), weft=(-1, 3)),
 }
-FORMULATIONS = (
-    *(Full(), OnePoint(2.0), OnePoint(), Macro(), Quadratic(), Quadratic(20.0)),
-)
+FORMULATIONS = Full(), OnePoint(2.0), OnePoint(), Macro(), Quadratic(), Quadratic(20.0)
 DEAR = pytest.mark.dear("every kernel against its forms as scikit-fem evaluates them")
 every_fabric = pytest.mark.parametrize(
     "fabric",
@@ -102,10 +85,8 @@ def form_terms(ply):
 def test_kernels_and_the_ply_equal_the_forms(fabric):
     """The forms one by one, and their sum; tangents also for any given tension."""
     for ply in plies(fabric):
-        u, given = (
-            random_u(ply, 4),
-            np.resize(random_u(ply, 5), (2, *ply.basis.dx.shape)),
-        )
+        u = random_u(ply, 4)
+        given = np.resize(random_u(ply, 5), (2, *ply.basis.dx.shape))
         total, with_given = [0.0, 0.0, 0.0], 0.0
         for term in form_terms(ply):
             w, slow_forms = form_parameters(term), defined(term.forms)
@@ -140,62 +121,51 @@ def test_the_kernel_out_of_plane_agrees_with_its_forms():
         assert_same(pattern.matrix(pattern.sum([term.matrices(u, 1.0, p)])), K)
 
 
-@pytest.mark.parametrize("C_s", [3.0, None])
-def test_fields_other_bases_and_subsets_of_elements_are_assembled_too(C_s):
-    fabric, mesh = FABRICS["even"], distorted(2)
-    basis_of_two = HourglassBasis(mesh, elements=[1, 4])
-    w = {} if C_s else {"C_s": np.array([[2.0], [5.0]])}
-    form = hourglass(fabric, C_s).tangent
-    u = np.random.default_rng(1).standard_normal(basis_of_two.N) * 0.05
-    assert_same(
-        asm(form, basis_of_two, u=u, **w),
-        asm(BilinearForm(form.form), basis_of_two, u=u, **w),
-    )
-    form = tension(fabric).tangent
-    nine = CellBasis(mesh, ElementVector(ElementQuad2()), intorder=4)
-    u = np.random.default_rng(2).standard_normal(nine.N) * 0.05
-    slow = asm(BilinearForm(form.form), nine, u=u)
-    assert_same(asm(form, nine, u=u), slow)
-    assert_same(asm(form, nine, u=nine.interpolate(u)), slow)
-    form = mean_tension(fabric).tangent
-    means = MeanBasis(mesh, ElementVector(elements.ElementQuad1()), intorder=3)
-    u = np.random.default_rng(3).standard_normal(means.N) * 0.05
-    E_d = np.linspace(1.0, 9.0, 2 * mesh.nelements).reshape(2, -1, 1)
-    assert_same(
-        asm(form, means, u=u, E_d=E_d),
-        asm(BilinearForm(form.form), means, u=u, E_d=E_d),
-    )
-
-
 def curved_mesh():
     mesh = MeshQuad2.from_mesh(distorted(2))
     x = np.sin(mesh.doflocs)
     return replace(mesh, doflocs=mesh.doflocs + 0.05 * x[::-1])
 
 
-def test_curved_elements_and_unusual_bases_agree_with_the_forms():
-    fabric, mesh = FABRICS["even"], distorted(2)
-    bilinear = ElementVector(elements.ElementQuad1())
-    fluctuating = ElementVector(elements.ElementQuad1Fluctuation())
-    for forms, basis in (
-        (tension(fabric), CellBasis(curved_mesh(), bilinear, intorder=3)),
-        (hourglass(fabric, 2.0), HourglassBasis(curved_mesh())),
-        (hourglass(fabric, 2.0), CellBasis(mesh, fluctuating, intorder=3)),
-        (mean_tension(fabric), MeanBasis(curved_mesh(), bilinear, intorder=3)),
-    ):
-        u = np.random.default_rng(4).standard_normal(basis.N) * 0.05
-        for form, readable in zip(forms, defined(forms), strict=True):
-            w = {"E_d": np.full((2, mesh.nelements, 1), 2.0)}
-            slow = asm(readable, basis, u=u, **w)
-            assert_same(asm(form, basis, u=u, **w), slow)
+EVEN, DISTORTED, CURVED = FABRICS["even"], distorted(2), curved_mesh()
+BILINEAR = ElementVector(elements.ElementQuad1())
+FLUCTUATING = ElementVector(elements.ElementQuad1Fluctuation())
+SOME = HourglassBasis(DISTORTED, elements=[1, 4])
+E_D = {"E_d": np.linspace(1.0, 9.0, 12).reshape(2, -1, 1)}
+UNUSUAL = {
+    "subset": (hourglass(EVEN, 3.0), SOME, {}),
+    "subset, by element": (hourglass(EVEN), SOME, {"C_s": np.array([[2.0], [5.0]])}),
+    "by point": (
+        *(hourglass(EVEN), HourglassBasis(DISTORTED)),
+        {"C_s": np.arange(1.0, 25.0).reshape(6, 4)},
+    ),
+    "one number": (hourglass(EVEN), HourglassBasis(DISTORTED), {"C_s": 2.0}),
+    "biquadratic": (
+        *(
+            tension(EVEN),
+            CellBasis(DISTORTED, ElementVector(ElementQuad2()), intorder=4),
+        ),
+        {},
+    ),
+    "means": (mean_tension(EVEN), MeanBasis(DISTORTED, BILINEAR, intorder=3), E_D),
+    "curved": (tension(EVEN), CellBasis(CURVED, BILINEAR, intorder=3), {}),
+    "curved, corners": (hourglass(EVEN, 2.0), HourglassBasis(CURVED), {}),
+    "curved, means": (mean_tension(EVEN), MeanBasis(CURVED, BILINEAR, intorder=3), E_D),
+    "fluctuation": (
+        *(hourglass(EVEN, 2.0), CellBasis(DISTORTED, FLUCTUATING, intorder=3)),
+        {},
+    ),
+}
 
 
-@pytest.mark.parametrize("C_s", [2.0, np.arange(1.0, 25.0).reshape(6, 4)])
-def test_a_stabilisation_may_be_one_number_or_one_for_each_point(C_s):
-    basis, form = HourglassBasis(distorted(1)), hourglass(FABRICS["even"]).tangent
-    u = np.random.default_rng(5).standard_normal(basis.N) * 0.05
-    slow = asm(BilinearForm(form.form), basis, u=u, C_s=C_s)
-    assert_same(asm(form, basis, u=u, C_s=C_s), slow)
+@pytest.mark.parametrize(("forms", "basis", "w"), UNUSUAL.values(), ids=UNUSUAL)
+def test_unusual_bases_and_parameters_agree_with_the_forms(forms, basis, w):
+    """Displacements may also be given as fields."""
+    u = np.random.default_rng(4).standard_normal(basis.N) * 0.05
+    for form, readable in zip(forms, defined(forms), strict=True):
+        slow = asm(readable, basis, u=u, **w)
+        for given in (u, basis.interpolate(u)):
+            assert_same(asm(form, basis, u=given, **w), slow)
 
 
 def test_terms_that_share_points_keep_separate_weights():

@@ -33,6 +33,7 @@ from tests.helpers import (
     values_at_rest,
     zero_modes,
 )
+from tests.helpers.plies import CURVED, lifted
 
 # A ply in space: derivatives, frames, the plane as a special case
 
@@ -40,19 +41,8 @@ from tests.helpers import (
 FABRICS = {
     "even": Fabric((100.0, 3.0), Sin2(0.7), warp=(2, 1), weft=(-1, 3)),
     "clockwise": Fabric((100.0, 3.0), Sin2(0.7), warp=(-1, 3), weft=(2, 1)),
-    "curved": Fabric(
-        50.0,
-        0.5,
-        warp=lambda x: np.stack([np.cos(0.2 * x[1]), np.sin(0.2 * x[1])]),
-        weft=lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.2 * x[0])]),
-    ),
-    "bending": Fabric(
-        50.0,
-        0.5,
-        warp=lambda x: np.stack([np.cos(0.2 * x[1]), np.sin(0.2 * x[1])]),
-        weft=(-1.0, 3.0),
-        bending=(3.0, 1.0),
-    ),
+    "curved": Fabric(50.0, 0.5, **CURVED),
+    "bending": Fabric(50.0, 0.5, CURVED["warp"], (-1.0, 3.0), bending=(3.0, 1.0)),
     "coupled": Fabric(Coupled(100.0, 30.0), 0.5),
 }
 FORMULATIONS = {
@@ -107,18 +97,12 @@ def test_closing_corners_have_exact_derivatives_in_space(closing):
     u[3 * corner : 3 * corner + 2] = -closing, -closing / 2
     u[2::3] += 0.01 * np.sin(np.arange(4))
     assert ply.corners.area_ratio(u).min() < RESISTING
-    term = next(term for term in ply.terms if term.name == "corners")
-    d = random_u(ply, 3, 1.0)
-
-    def energy(u):
-        return term.energy(u, 1.0)
-
-    def residual(u):
-        return term.residual(u, 1.0)
-
-    along, twice = residual(u) @ d, term.tangent(u, 1.0) @ d
-    assert derivative(energy, u, d, 1e-5) == pytest.approx(along, rel=1e-6)
-    numerical = derivative(residual, u, d, 1e-5)
+    term, d = ply.terms[-1], random_u(ply, 3, 1.0)
+    assert term.name == "corners"
+    along, twice = term.residual(u, 1.0) @ d, term.tangent(u, 1.0) @ d
+    rate = derivative(lambda x: term.energy(x, 1.0), u, d, 1e-5)
+    assert rate == pytest.approx(along, rel=1e-6)
+    numerical = derivative(lambda x: term.residual(x, 1.0), u, d, 1e-5)
     np.testing.assert_allclose(twice, numerical, atol=1e-5 * np.abs(twice).max())
 
 
@@ -129,10 +113,7 @@ def test_a_rotation_in_space_rotates_forces_and_preserves_energy(fabric, formula
     Q, _ = np.linalg.qr(np.random.default_rng(5).standard_normal((3, 3)))
     Q *= np.linalg.det(Q)
     v = rotated(ply, u, Q)
-    for (name, energy), after in zip(
-        ply.energies(u).items(), ply.energies(v).values(), strict=True
-    ):
-        assert after == pytest.approx(energy, rel=1e-10, abs=1e-13), name
+    assert ply.energies(v) == pytest.approx(ply.energies(u), rel=1e-10, abs=1e-13)
     f, g = ply.nodal(ply.residual(u)), ply.nodal(ply.residual(v))
     np.testing.assert_allclose(g, Q @ f, atol=1e-10 * np.abs(f).max())
     for measure in (ply.shear_angle, ply.law_strain, ply.least_area_ratio):
@@ -177,10 +158,10 @@ def test_a_bias_extension_held_in_its_plane_agrees_with_the_plane(formulation):
     ]
     plane, space = (result.summary() for result in results)
     names = (
-        *("energy", "stabilisation_energy", "max_fibre_strain", "max_fibre_tension"),
-        *("max_shear_angle_deg", "min_det_F", "linear_solves", "stable"),
+        "energy stabilisation_energy max_fibre_strain max_fibre_tension "
+        "max_shear_angle_deg min_det_F linear_solves stable"
     )
-    for name in names:
+    for name in names.split():
         assert space[name] == pytest.approx(plane[name], rel=1e-10), name
     assert plane["load_half_width"] > 0
     assert space["load_half_width"] is None
@@ -207,17 +188,6 @@ def test_a_projected_tangent_is_positive_semi_definite(formulation, shear):
     assert least < -1e-4 * most
     least, *_, most = np.linalg.eigvalsh(tangent(ply, u, True, tension))
     assert least > -1e-12 * most
-
-
-@every_formulation
-def test_matrices_of_elements_without_compression_and_shear_are_kept(formulation):
-    ply = Ply(distorted(1), FABRICS["even"], formulation, dimension=3)
-    u = flat(0.02 * ply.nodes.T.ravel())
-    assert ply.geometric_tension(u, 0 * u).min() > 0.01
-    exact = ply.stiffness(u)
-    np.testing.assert_allclose(
-        ply.stiffness(u, positive=True), exact, rtol=0, atol=1e-12 * exact.max()
-    )
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -286,9 +256,7 @@ def test_an_element_resists_twist_and_no_other_out_of_plane_motion():
     ply = Ply(mesh, Fabric(10.0, 1.0), OnePoint(3.0), dimension=3)
     x, y = ply.nodes
     for motion, energy in ((x * y, 3.0 * 4 / 3), (x, 0.0), (1 + y, 0.0)):
-        u = ply.basis.zeros()
-        u[2::3] = 1e-3 * motion
-        computed = ply.energies(u)["out_of_plane"]
+        computed = ply.energies(lifted(ply, 1e-3 * motion))["out_of_plane"]
         assert computed == pytest.approx(1e-6 * energy, rel=1e-4, abs=1e-16)
 
 
@@ -361,13 +329,7 @@ def test_a_crease_and_a_fold_are_distinguished_from_a_rotation():
         x[0, right], x[2, right] = 1 + np.cos(angle), np.sin(angle)
         return (x - X).T.ravel()
 
-    for degrees, creased in (
-        (0, []),
-        (80, []),
-        (-80, []),
-        (100, [0, 1]),
-        (-170, [0, 1]),
-    ):
+    for degrees, creased in ((80, []), (-80, []), (100, [0, 1]), (-170, [0, 1])):
         assert ply.creased(bent(degrees)).tolist() == creased
         np.testing.assert_allclose(ply.least_area_ratio(bent(degrees)), 1.0)
     u = ply.basis.zeros()

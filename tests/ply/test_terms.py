@@ -26,9 +26,8 @@ from skfem_textile import (
     VectorTerm,
     shear,
 )
-from skfem_textile.mesh.splitting import cut
 from skfem_textile.solve.states import NoEquilibriumError
-from tests.helpers import defined, derivative, distorted, random_u
+from tests.helpers import assert_derivatives, defined, distorted, random_u
 from tests.helpers.plies import CONDITIONS, ELEMENT, SPRINGS, Spring, drag_term, plain
 
 # User-defined terms: energies, forces and tangent, and runs with them
@@ -47,30 +46,14 @@ BASES = {
 def test_a_term_adds_its_energy_forces_and_tangent_on_any_basis(basis, t):
     ply = plain()
     term = FormTerm("springs", SPRINGS, basis(ply.mesh))
-    sprung, u, du = (ply.with_terms(term), random_u(ply, 1), random_u(ply, 2))
+    sprung, u = ply.with_terms(term), random_u(ply, 1)
     energy = sprung.energies(u, t)["springs"]
     assert energy > 0
     assert sprung.energy(u, t) == pytest.approx(ply.energy(u, t) + energy)
     more = sprung.residual(u, t) - ply.residual(u, t)
     np.testing.assert_allclose(more, term.residual(u, t), atol=1e-9)
-    assert derivative(lambda x: sprung.energy(x, t), u, du) == pytest.approx(
-        sprung.residual(u, t) @ du
-    )
-    np.testing.assert_allclose(
-        derivative(lambda x: sprung.residual(x, t), u, du),
-        sprung.tangent(u, t=t) @ du,
-        atol=1e-5 * abs(sprung.tangent(u, t=t)).max(),
-    )
-
-
-def test_a_term_of_quadratic_triangles_depends_on_all_nodes():
-    mesh = cut(distorted(1)).with_defaults()
-    ply = Ply(mesh, Fabric(1e3, 0.5), Quadratic())
-    springs = FormTerm("springs", SPRINGS, FacetBasis(mesh, ply.basis.elem))
-    sprung, u, du = (ply.with_terms(springs), random_u(ply, 1), random_u(ply, 2))
-    np.testing.assert_allclose(
-        derivative(sprung.residual, u, du), sprung.tangent(u) @ du, atol=1e-3
-    )
+    stiffer = sprung.tangent(u, t) - ply.tangent(u, t)
+    np.testing.assert_allclose(stiffer @ u, more, atol=1e-9)  # springs are linear
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -87,12 +70,8 @@ def test_a_ply_without_stiffness_carries_a_sheet_and_a_band_of_fabric(dimension)
         FormTerm("more", more, some),
     )
     assert bonded.terms[-1].kernel is not None
-    u, du = random_u(ply, 1), random_u(ply, 2)
-    work, f = derivative(bonded.energy, u, du), bonded.residual(u)
-    assert work == pytest.approx(f @ du, rel=1e-6)
-    change = derivative(bonded.residual, u, du)
-    scale = np.abs(change).max()
-    np.testing.assert_allclose(change, bonded.tangent(u) @ du, atol=1e-6 * scale)
+    u = random_u(ply, 1)
+    assert_derivatives(bonded, u, random_u(ply, 2))
     expected = asm(defined(more).energy, some, u=u)
     assert bonded.energies(u)["more"] == pytest.approx(expected, rel=1e-12)
     away = np.setdiff1d(np.arange(ply.basis.N), ply.basis.element_dofs[:, [0, 3]])
@@ -169,22 +148,6 @@ every_formulation = pytest.mark.parametrize(
 )
 
 
-def copy_arrays(parameters):
-    """The arrays of parameters, by names of term and value."""
-    return {
-        (term, name): array.copy()
-        for term, values in parameters.items()
-        for name, array in values.items()
-    }
-
-
-def assert_unchanged(parameters, before):
-    current = copy_arrays(parameters)
-    assert current.keys() == before.keys()
-    for key, array in before.items():
-        np.testing.assert_array_equal(current[key], array)
-
-
 @pytest.mark.parametrize("role", ["internal", "load"])
 def test_plies_that_share_a_term_do_not_influence_each_other(role):
     ply = plain()
@@ -204,22 +167,15 @@ def test_plies_that_share_a_term_do_not_influence_each_other(role):
 
 
 @every_formulation
-def test_updates_return_new_values_and_change_nothing(formulation):
+def test_updates_return_new_values_unless_nothing_changes(formulation):
     ply = plain(formulation)
     ply = ply.with_terms(drag_term(ply))
-    rest = ply.parameters_at_rest
-    before = copy_arrays(rest)
-    u, v = random_u(ply, 1), random_u(ply, 2)
-    updated, advanced = ply.updated(rest, u), ply.advanced(rest, u)
-    assert advanced is not rest
+    rest, u = ply.parameters_at_rest, random_u(ply, 1)
+    updated = ply.updated(rest, u)
+    assert ply.advanced(rest, u) is not rest
     has_rates = formulation == OnePoint(1.0, "rate")
     assert (updated is not rest) != has_rates
     assert ply.updated(updated, u) is updated
-    copies = copy_arrays(updated), copy_arrays(advanced)
-    ply.advanced(ply.updated(advanced, v), v)
-    assert_unchanged(rest, before)
-    assert_unchanged(updated, copies[0])
-    assert_unchanged(advanced, copies[1])
     assert ply.parameters_at_rest is rest
 
 
@@ -243,7 +199,9 @@ def test_parameters_cannot_be_changed_in_place(formulation):
 def test_copied_parameters_are_equal(copy):
     ply = plain(Macro())
     parameters = ply.updated(ply.parameters_at_rest, random_u(ply, 1))
-    assert_unchanged(copy(parameters), copy_arrays(parameters))
+    copied = copy(parameters)
+    assert copied.keys() == parameters.keys()
+    assert all(copied[name].same_as(values) for name, values in parameters.items())
 
 
 @pytest.mark.parametrize("depends_on_steps", [False, True])
@@ -282,22 +240,13 @@ def test_a_run_does_not_modify_a_ply(formulation):
             for p in (None, rest, other)
         ]
 
-    before, held = numbers(), copy_arrays(rest)
+    before = numbers()
     first = LoadStepper(ply, CONDITIONS, 1).run()
     assert numbers() == before
     assert ply.parameters_at_rest is rest
-    assert_unchanged(rest, held)
     second = LoadStepper(ply, CONDITIONS, 1).run()
     np.testing.assert_array_equal(second.u, first.u)
     assert second.history() == first.history()
-
-
-def test_a_ply_without_parameters_has_none():
-    ply = plain()
-    assert dict(ply.parameters_at_rest) == {}
-    assert ply.advanced(ply.parameters_at_rest, random_u(ply, 1)) is (
-        ply.parameters_at_rest
-    )
 
 
 # Further terms at the last state of a run

@@ -13,7 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..law import BiaxialLaw, Law, ScalarLaw, inner_law, number, pair
+from ..law import (
+    BiaxialLaw,
+    Law,
+    ScalarLaw,
+    TwoLaws,
+    inner_law,
+    keep,
+    number,
+    pair,
+)
 from .tension import CrimpToe
 
 # Newton step, relative to the range of the amplitude, below which the iteration ends;
@@ -21,6 +30,7 @@ from .tension import CrimpToe
 _STEP = 1e-12
 
 # Maximum number of iterations: more than two for each bisection needed for this step.
+# Of a cell, the steepest table takes 30.
 _MOST_ITERATIONS = 100
 
 
@@ -102,19 +112,15 @@ class CrimpInterchange(BiaxialLaw):
     initial_stiffness: float
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("stiffness", pair("stiffness", self.stiffness, above=0)),
-            ("crimp", pair("crimp", self.crimp)),
-            ("bending", number("bending", self.bending, above=0)),
-            ("toe", number("toe", self.toe, above=0)),
-            ("initial_stiffness", number("initial stiffness", self.initial_stiffness)),
-        ):
-            object.__setattr__(self, name, value)
-        if max(self._crimps) > _MOST_CRIMP:
-            raise ValueError(
-                f"crimp must be a ratio of at most {_MOST_CRIMP}, such as 0.01 for 1 "
-                f"%, got {self.crimp}"
-            )
+        keep(
+            self,
+            stiffness=pair("stiffness", self.stiffness, above=0),
+            crimp=pair("crimp", self.crimp),
+            bending=number("bending", self.bending, above=0),
+            toe=number("toe", self.toe, above=0),
+            initial_stiffness=number("initial stiffness", self.initial_stiffness),
+        )
+        _refuse_percent(self._crimps, _MOST_CRIMP)
 
     @property
     def shown(self) -> tuple[float, float]:
@@ -125,8 +131,7 @@ class CrimpInterchange(BiaxialLaw):
     def energy(self, strain: ndarray) -> ndarray:
         """Minimum of the energy over the amplitude."""
         w = self._amplitude(strain)
-        e = self._yarns(strain, w).strain
-        stored = sum(law.energy(x) for law, x in zip(self._laws, e, strict=True))
+        stored = self._laws.energy(self._yarns(strain, w).strain)
         linear = self.initial_stiffness * np.square(strain).sum(axis=0)
         return stored + 0.5 * self.bending * np.square(w) + 0.5 * linear
 
@@ -178,9 +183,8 @@ class CrimpInterchange(BiaxialLaw):
         eta_1, eta_2 = self._slopes_at_rest
         e = strain + np.array([w * (0.5 * w - eta_1), w * (0.5 * w + eta_2)])
         slope = np.array([w - eta_1, w + eta_2])
-        T = np.array([law.value(x) for law, x in zip(self._laws, e, strict=True)])
-        S = np.array([law.tangent(x) for law, x in zip(self._laws, e, strict=True)])
-        return _Yarns(e, slope, T, S)
+        T, S = self._laws.value(e), self._laws.slopes(e).own
+        return _Yarns(e, slope, np.array(T), np.array(S))
 
     def _resistance(self, yarns: _Yarns) -> ndarray:
         """R = K + T₁ + T₂."""
@@ -192,10 +196,10 @@ class CrimpInterchange(BiaxialLaw):
         return self._resistance(yarns) + stretch.sum(axis=0)
 
     @cached_property
-    def _laws(self) -> tuple[CrimpToe, CrimpToe]:
+    def _laws(self) -> TwoLaws:
         """Laws of the yarns."""
-        E: Any = self.stiffness
-        return CrimpToe(E[0], self.toe, 0.0), CrimpToe(E[1], self.toe, 0.0)
+        both: Any = self.stiffness
+        return TwoLaws(*(CrimpToe(E, self.toe, 0.0) for E in both))
 
     @property
     def _crimps(self) -> tuple[float, float]:
@@ -208,6 +212,15 @@ class CrimpInterchange(BiaxialLaw):
         return np.sqrt(2 * np.array(self._crimps))
 
 
+def _refuse_percent(crimps: Sequence[float], most: float) -> None:
+    """Refuse crimps of warp and weft beyond the largest ratio."""
+    if max(crimps) > most:
+        raise ValueError(
+            f"crimp must be a ratio of at most {most:g}, such as 0.01 for 1 %, got "
+            f"{crimps}"
+        )
+
+
 # Newton step, relative to the heights of the crimp, below which the iteration ends.
 _CELL_STEP = 1e-13
 
@@ -218,9 +231,6 @@ _ROUNDING = 1e-15
 # hides the decrease of the energy.  Chosen: Newton's method converges quadratically
 # there.
 _NEAR = 1e-6
-
-# Maximum number of iterations: the steepest table takes 30.
-_CELL_ITERATIONS = 200
 
 # Largest crimp.  It detects a crimp in percent.
 _CELL_CRIMP = 1.0
@@ -251,8 +261,7 @@ class Softening(ScalarLaw):
 
     def __post_init__(self) -> None:
         K = number("stiffness", self.stiffness, above=0)
-        object.__setattr__(self, "stiffness", K)
-        object.__setattr__(self, "softening", number("softening", self.softening))
+        keep(self, stiffness=K, softening=number("softening", self.softening))
 
     def energy(self, x: ndarray) -> ndarray:
         """Integral of the force from 0."""
@@ -343,17 +352,15 @@ class CrimpedYarns(BiaxialLaw):
     def __post_init__(self) -> None:
         if not isinstance(self.yarns, tuple | list) or len(self.yarns) != 2:
             raise ValueError("yarns must be a pair of laws (warp, weft)")
-        yarns = tuple(inner_law("yarn", yarn) for yarn in self.yarns)
-        object.__setattr__(self, "yarns", yarns)
-        object.__setattr__(self, "crimp", pair("crimp", self.crimp, above=0))
-        if max(self.crimp) > _CELL_CRIMP:
-            raise ValueError(
-                f"crimp must be a ratio of at most {_CELL_CRIMP:g}, such as 0.1 for "
-                f"10 %, got {self.crimp}"
-            )
-        object.__setattr__(self, "springs", pair("springs", self.springs, above=0))
+        keep(
+            self,
+            yarns=tuple(inner_law("yarn", yarn) for yarn in self.yarns),
+            crimp=pair("crimp", self.crimp, above=0),
+        )
+        _refuse_percent(self.crimp, _CELL_CRIMP)
+        keep(self, springs=pair("springs", self.springs, above=0))
         if self.coupling is not None:
-            object.__setattr__(self, "coupling", number("coupling", self.coupling))
+            keep(self, coupling=number("coupling", self.coupling))
 
     @property
     def shown(self) -> tuple[float, float]:
@@ -417,7 +424,7 @@ class CrimpedYarns(BiaxialLaw):
         lowest = -(1 - _SHORTEST) * H
         y, W = np.zeros(L.shape), self._energy(L, np.zeros(L.shape))
         share, moves = np.ones(L.shape[1:]), np.ones(L.shape[1:], dtype=bool)
-        for _ in range(_CELL_ITERATIONS):
+        for _ in range(_MOST_ITERATIONS):
             cell = self._cell(L, y)
             push = cell.push + self._stiff * y.sum(axis=0)
             inverse = self._inverse(np.abs(cell.stiffness), touching)
@@ -453,7 +460,7 @@ class CrimpedYarns(BiaxialLaw):
         else:
             e = y / H
             springs = k * H * ((1 + e) * np.log1p(e) - e)
-        yarns = sum(law.energy(x) for law, x in zip(self.yarns, d, strict=True))
+        yarns = TwoLaws(*self.yarns).energy(d)
         return yarns + springs.sum(axis=0) + 0.5 * self._stiff * y.sum(axis=0) ** 2
 
     def _cell(self, L: ndarray, y: ndarray) -> _Cell:
@@ -461,8 +468,8 @@ class CrimpedYarns(BiaxialLaw):
         height = H + y
         D = np.hypot(L, height)
         d = D - _columns(np.add(self.crimp, 1.0), L)
-        F = np.stack([law.value(x) for law, x in zip(self.yarns, d, strict=True)])
-        S = np.stack([law.tangent(x) for law, x in zip(self.yarns, d, strict=True)])
+        yarns = TwoLaws(*self.yarns)
+        F, S = np.stack(yarns.value(d)), np.stack(yarns.slopes(d).own)
         c, s = L / D, height / D
         if self.coupling is None:
             spring, stiffness = k * y, k + 0 * y

@@ -8,7 +8,7 @@ from numpy import ndarray
 from numpy.polynomial.polynomial import polyval
 
 from ... import declarations as declared
-from ..law import ScalarLaw
+from ..law import ScalarLaw, keep
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,8 @@ class Polynomial(declared.Polynomial, ScalarLaw):
             raise ValueError(
                 f"coefficients must be finite numbers, got {self.coefficients!r}"
             )
-        object.__setattr__(self, "coefficients", coefficients)
-        object.__setattr__(self, "sine", bool(self.sine))
-        object.__setattr__(self, "odd", bool(self.odd))
+        sine, odd = bool(self.sine), bool(self.odd)
+        keep(self, coefficients=coefficients, sine=sine, odd=odd)
 
     def energy(self, x: ndarray) -> ndarray:
         """Integral of the value from 0."""

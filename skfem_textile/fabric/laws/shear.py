@@ -7,7 +7,14 @@ import numpy as np
 from numpy import ndarray
 
 from ... import declarations as declared
-from ..law import OneStiffness, Resistance, ScalarLaw, number, refuse_other_units
+from ..law import (
+    OneStiffness,
+    Resistance,
+    ScalarLaw,
+    keep,
+    number,
+    refuse_other_units,
+)
 
 
 @dataclass(frozen=True)
@@ -69,8 +76,7 @@ class Locking(declared.Locking, ScalarLaw):
         G = number("stiffness", self.stiffness, above=0)
         a = number("locking angle", self.angle, above=0)
         refuse_other_units("locking angle", a, "shear")
-        object.__setattr__(self, "stiffness", G)
-        object.__setattr__(self, "angle", a)
+        keep(self, stiffness=G, angle=a)
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -145,14 +151,14 @@ class TangentShear(ScalarLaw):
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "locked_stiffness"):
-            object.__setattr__(self, name, number(name, getattr(self, name)))
+            keep(self, **{name: number(name, getattr(self, name))})
         a = number("locking angle", self.angle, above=0)
         if a >= _CLOSED:
             question = ": is the value in degrees?" if a > 2 * _CLOSED else ""
             raise ValueError(
                 f"locking angle must be below 90°, got {np.degrees(a):g}°{question}"
             )
-        object.__setattr__(self, "angle", a)
+        keep(self, angle=a)
 
     @property
     def shown(self) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ...mesh.user_input import excerpt, number_of_text, printable, real_numbers
-from ..law import Resistance, ScalarLaw, refuse_other_units
+from ..law import Resistance, ScalarLaw, keep, refuse_other_units
 
 # Names of the columns, and factors of their units to radians, strain, or N/mm.  A
 # moment per area in N·mm/mm² equals N/mm.
@@ -222,10 +222,8 @@ _EXTRAPOLATIONS = ("refuse", "linear")
 
 
 class _Curve(NamedTuple):
-    """Piecewise cubic: ends, integral, value and slope."""
+    """Piecewise cubic: integral, value and slope."""
 
-    low: float
-    high: float
     energy: Callable[[ndarray], ndarray]
     value: Callable[[ndarray], ndarray]
     tangent: Callable[[ndarray], ndarray]
@@ -295,9 +293,8 @@ class Tabulated(ScalarLaw):
                 "an odd law must have arguments >= 0 and the value 0 at 0, but point "
                 f"1 is {x[0]:g}, {y[0]:g}"
             )
-        object.__setattr__(self, "arguments", tuple(x.tolist()))
-        object.__setattr__(self, "values", tuple(y.tolist()))
-        object.__setattr__(self, "odd", bool(self.odd))
+        arguments, values = tuple(x.tolist()), tuple(y.tolist())
+        keep(self, arguments=arguments, values=values, odd=bool(self.odd))
         low, high = self.domain
         if not low <= 0 <= high:
             raise ValueError(
@@ -379,7 +376,7 @@ class Tabulated(ScalarLaw):
                 "the values of the table are too large for cubic interpolation"
             )
         energy = value.antiderivative()
-        return _Curve(*self.shown, energy, value, value.derivative())
+        return _Curve(energy, value, value.derivative())
 
     @cached_property
     def _energy_at_rest(self) -> float:
@@ -414,8 +411,7 @@ class Tabulated(ScalarLaw):
 
     def _split(self, x: ndarray) -> tuple[ndarray, ndarray]:
         """Nearest argument within the table, and distance; NaN if refused."""
-        low, high, *_ = self._curve
-        within = np.clip(x, low, high)
+        within = np.clip(x, *self.shown)
         past = x - within
         if self.extrapolation == "refuse":
             past = np.where(past == 0, 0.0, np.nan)

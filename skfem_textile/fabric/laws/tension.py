@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -15,6 +15,7 @@ from ..law import (
     ScalarLaw,
     domain_of,
     inner_law,
+    keep,
     number,
     refuse_force_at_rest,
     refuse_other_units,
@@ -69,9 +70,7 @@ class CrimpToe(declared.CrimpToe, ScalarLaw):
         e_0 = number("toe", self.toe, above=0)
         refuse_other_units("toe", e_0, "tension")
         k = number("initial stiffness", self.initial_stiffness)
-        object.__setattr__(self, "stiffness", E)
-        object.__setattr__(self, "toe", e_0)
-        object.__setattr__(self, "initial_stiffness", k)
+        keep(self, stiffness=E, toe=e_0, initial_stiffness=k)
 
     @property
     def shown(self) -> tuple[float, float]:
@@ -113,8 +112,66 @@ class CrimpToe(declared.CrimpToe, ScalarLaw):
 _WIDTH = 1e-4
 
 
+class _Switched(ScalarLaw):
+    """Laws for one or both signs of the strain, added, with smooth transitions."""
+
+    of: ClassVar[Resistance] = "tension"
+    width: float
+
+    @property
+    def _sides(self) -> tuple[tuple[Law, int], ...]:
+        """Each law, and the sign of the strains for which it is given."""
+        raise NotImplementedError
+
+    def _check(self, *names: str) -> None:
+        """Check the width, and the laws, whose names are for messages."""
+        keep(self, width=number("width", self.width, above=0))
+        for name, (law, sign) in zip(names, self._sides, strict=True):
+            refuse_force_at_rest(name, inner_law(name, law), sign * self.width)
+
+    def energy(self, x: ndarray) -> ndarray:
+        """Sum of the energies, each at its strain r, less the energy at rest."""
+        return self._energy(x) - self._energy(np.zeros(1))[0]
+
+    def _energy(self, x: ndarray) -> Any:
+        return sum(law.energy(sign * r.strain) for law, sign, r in self._ramps(x))
+
+    def value(self, x: ndarray) -> ndarray:
+        """Sum of T(r) r′."""
+        return sum(
+            law.value(sign * r.strain) * r.slope for law, sign, r in self._ramps(x)
+        )
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """Sum of T′(r) r′² + T(r) r″."""
+        return sum(
+            law.tangent(sign * r.strain) * r.slope**2
+            + sign * law.value(sign * r.strain) * r.bend
+            for law, sign, r in self._ramps(x)
+        )
+
+    def _ramps(self, x: ndarray) -> list[tuple[Law, int, "_Ramp"]]:
+        return [(law, sign, _ramp(sign * x, self.width)) for law, sign in self._sides]
+
+
+class _Ramp(NamedTuple):
+    """Smoothed positive part of the strain, and its first two derivatives."""
+
+    strain: ndarray
+    slope: ndarray
+    bend: ndarray
+
+
+def _ramp(x: ndarray, width: float) -> _Ramp:
+    s = np.clip((x + width) / (2 * width), 0.0, 1.0)
+    curved = 2 * width * s**4 * (s * (s - 3) + 2.5)
+    slope = s**3 * (s * (6 * s - 15) + 10)
+    bend = 15 / width * (s * (1 - s)) ** 2
+    return _Ramp(np.where(x >= width, x, curved), slope, bend)
+
+
 @dataclass(frozen=True)
-class TensionOnly(ScalarLaw):
+class TensionOnly(_Switched):
     """Law that is zero in compression, with a smooth transition.
 
     The tension is T(r) r′ of a strain r(ε): r = 0 below −width, r = ε above width, and
@@ -146,11 +203,13 @@ class TensionOnly(ScalarLaw):
 
     law: Law
     width: float = _WIDTH
-    of: ClassVar[Resistance] = "tension"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "width", number("width", self.width, above=0))
-        refuse_force_at_rest("law", inner_law("law", self.law), self.width)
+        self._check("law")
+
+    @property
+    def _sides(self) -> tuple[tuple[Law, int], ...]:
+        return ((self.law, 1),)
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -163,23 +222,9 @@ class TensionOnly(ScalarLaw):
         shown = getattr(self.law, "shown", None)
         return None if shown is None else (-0.1 * shown[1], shown[1])
 
-    def energy(self, x: ndarray) -> ndarray:
-        """Energy at r, minus the energy at rest."""
-        ramp, at_rest = _ramp(x, self.width), _ramp(np.zeros(1), self.width)
-        return self.law.energy(ramp.strain) - self.law.energy(at_rest.strain)[0]
-
-    def value(self, x: ndarray) -> ndarray:
-        """T(r) r′."""
-        ramp = _ramp(x, self.width)
-        return self.law.value(ramp.strain) * ramp.slope
-
-    def tangent(self, x: ndarray) -> ndarray:
-        """T′(r) r′² + T(r) r″."""
-        return _tangent(self.law, _ramp(x, self.width), 1.0)
-
 
 @dataclass(frozen=True)
-class Asymmetric(ScalarLaw):
+class Asymmetric(_Switched):
     """Different laws in tension and in compression, with a smooth transition.
 
     Each has a transition as in `TensionOnly`, and their tensions are added.  The
@@ -208,13 +253,13 @@ class Asymmetric(ScalarLaw):
     tension: Law
     compression: Law
     width: float = _WIDTH
-    of: ClassVar[Resistance] = "tension"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "width", number("width", self.width, above=0))
-        for name, sign in (("tension", 1), ("compression", -1)):
-            law = inner_law(name, getattr(self, name))
-            refuse_force_at_rest(name, law, sign * self.width)
+        self._check("tension", "compression")
+
+    @property
+    def _sides(self) -> tuple[tuple[Law, int], ...]:
+        return (self.tension, 1), (self.compression, -1)
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -230,51 +275,6 @@ class Asymmetric(ScalarLaw):
         if below is None or above is None:
             return None
         return below[0], above[1]
-
-    def energy(self, x: ndarray) -> ndarray:
-        """Sum of both energies, each at its strain r, less the energy at rest."""
-        return self._energy(x) - self._energy(np.zeros(1))[0]
-
-    def _energy(self, x: ndarray) -> ndarray:
-        ramp, other = self._ramps(x)
-        return self.tension.energy(ramp.strain) + self.compression.energy(-other.strain)
-
-    def value(self, x: ndarray) -> ndarray:
-        """Sum of both values."""
-        ramp, other = self._ramps(x)
-        above = self.tension.value(ramp.strain) * ramp.slope
-        return above + self.compression.value(-other.strain) * other.slope
-
-    def tangent(self, x: ndarray) -> ndarray:
-        """Sum of both tangents."""
-        ramp, other = self._ramps(x)
-        above = _tangent(self.tension, ramp, 1.0)
-        return above + _tangent(self.compression, other, -1.0)
-
-    def _ramps(self, x: ndarray) -> tuple["_Ramp", "_Ramp"]:
-        return _ramp(x, self.width), _ramp(-x, self.width)
-
-
-class _Ramp(NamedTuple):
-    """Smoothed positive part of the strain, and its first two derivatives."""
-
-    strain: ndarray
-    slope: ndarray
-    bend: ndarray
-
-
-def _ramp(x: ndarray, width: float) -> _Ramp:
-    s = np.clip((x + width) / (2 * width), 0.0, 1.0)
-    curved = 2 * width * s**4 * (s * (s - 3) + 2.5)
-    slope = s**3 * (s * (6 * s - 15) + 10)
-    bend = 15 / width * (s * (1 - s)) ** 2
-    return _Ramp(np.where(x >= width, x, curved), slope, bend)
-
-
-def _tangent(law: Law, ramp: _Ramp, sign: float) -> ndarray:
-    """Derivative of the value of a law with a one-sided transition."""
-    x = sign * ramp.strain
-    return law.tangent(x) * ramp.slope**2 + sign * law.value(x) * ramp.bend
 
 
 # Upper bound and initial value of the strain in the search for the pretension.
@@ -314,7 +314,7 @@ class Pretensioned(ScalarLaw):
     of: ClassVar[Resistance] = "tension"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "tension", number("pretension", self.tension))
+        keep(self, tension=number("pretension", self.tension))
         inner_law("law", self.law)
         _ = self.strain_before
 

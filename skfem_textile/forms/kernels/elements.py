@@ -10,11 +10,11 @@ matrices are symmetric and hold the d×d blocks of the pairs of modes (a, c) wit
 in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n).
 
 In the plane a fibre written as a complex number z = a_x + i a_y has the logarithm ε +
-iθ, its strain and its inclination.  `InSpace` is the counterpart in space.  Symmetric
-d×d matrices are given by their entries at and above the diagonal.
+iθ, its strain and its inclination.  Symmetric d×d matrices are given by their entries
+at and above the diagonal.
 
-In space (`InSpace`), at a point with e = a/λ, v = e/λ, c = e₁·e₂, s = ``|e₁×e₂|``, n =
-e₁×e₂/s and, where the weft lies anticlockwise of the warp at rest, g = ∂Γ/∂a = (e_β −
+In space, at a point with e = a/λ, v = e/λ, c = e₁·e₂, s = ``|e₁×e₂|``, n = e₁×e₂/s
+and, where the weft lies anticlockwise of the warp at rest, g = ∂Γ/∂a = (e_β −
 c e_α)/(s λ_α),
 
     ∂²Γ/∂a_α²   = −(g ⊗ v + v ⊗ g) − (c/s) n ⊗ n/λ_α²,
@@ -29,7 +29,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -62,13 +62,15 @@ _GROUPS: WeakKeyDictionary[Any, WeakKeyDictionary] = WeakKeyDictionary()
 Values: TypeAlias = ndarray | None
 
 
+# Entries of a symmetric 3×3 matrix, and which of them are on the diagonal.
 _PAIRS = tuple(combinations_with_replacement(range(3), 2))
+_DIAGONAL = [k for k, (i, j) in enumerate(_PAIRS) if i == j]
 
 
 class Stress(NamedTuple):
     """Tension and its slope, (2, P, n), and shear moment, (P, n), times area.
 
-    None stands for zero.
+    None stands for zero; a tension has a slope.
     """
 
     tension: Values = None
@@ -117,9 +119,7 @@ class FibreDeformation:
         v = self.v[..., block]
         forces = np.zeros(v.shape) if T is None else T[:, :, None] * v
         if M is not None:
-            signed = np.array([M, -M])
-            forces[:, :, 0] -= signed * v[:, :, 1]
-            forces[:, :, 1] += signed * v[:, :, 0]
+            forces += M[:, None] * self.angle_derivatives(block)
         return forces
 
     def stiffness(self, stress: Stress, block: slice) -> tuple[ndarray, Values]:
@@ -146,70 +146,44 @@ class FibreDeformation:
             direct[:, :, 2] += E * yy
         return direct, None
 
-    def angle_derivatives(self, block: slice) -> tuple[ndarray, ndarray]:
-        """∂Γ with respect to warp and weft, shape (P, d, n) each."""
+    def angle_derivatives(self, block: slice) -> ndarray:
+        """∂Γ with respect to warp and weft, shape (2, P, d, n)."""
         v = self.v[..., block]
         warp, weft = np.stack([-v[:, :, 1], v[:, :, 0]], axis=2)
-        return warp, -weft
+        return np.array([warp, -weft])
 
 
-class _Crossing(NamedTuple):
-    """∂Γ/∂a of warp and weft, (2, P, 3, n), n, (P, 3, n), c and s, (P, n)."""
-
-    derivatives: ndarray
-    normal: ndarray
-    c: ndarray
-    s: ndarray
-
-
-class InSpace:
-    """Counterpart in space of the deformation of fibres in the plane.
+@dataclass(frozen=True, eq=False)
+class DeformationInSpace(FibreDeformation):
+    """Deformation of the fibres at P points of n elements, in space.
 
     Attributes
     ----------
-    v, squared_stretch
-        See `FibreDeformation`.
     side
         1 if the weft lies anticlockwise of the warp at rest, −1 if clockwise: the sign
         of the angle between them.  Broadcasts to (P, n).
     """
 
-    v: ndarray
-    squared_stretch: ndarray
     side: ndarray
 
     @cached_property
-    def _crossing(self) -> _Crossing:
+    def _crossing(self) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+        """∂Γ/∂a of warp and weft, (2, P, 3, n), n, (P, 3, n), c and s, (P, n)."""
         stretch = np.sqrt(self.squared_stretch)[:, :, None]
         e = self.v * stretch
         normal, c = _cross(*e), (e[0] * e[1]).sum(axis=1)
         s = np.sqrt((normal**2).sum(axis=1))
         g = (e[::-1] - c[:, None] * e) / (s[:, None] * stretch)
-        return _Crossing(self.side[:, None] * g, normal / s[:, None], c, s)
+        return self.side[:, None] * g, normal / s[:, None], c, s
 
-    def forces(self, stress: "Stress", block: slice) -> ndarray:
-        """See `FibreDeformation`."""
-        T, M, _ = stress
-        v = self.v[..., block]
-        forces = np.zeros(v.shape) if T is None else T[:, :, None] * v
-        if M is not None:
-            forces += M[:, None] * self._crossing.derivatives[..., block]
-        return forces
-
-    def stiffness(
-        self, stress: "Stress", block: slice
-    ) -> tuple[ndarray, ndarray | None]:
+    def stiffness(self, stress: Stress, block: slice) -> tuple[ndarray, Values]:
         """See `FibreDeformation`."""
         T, M, E = stress
         v, squared = self.v[..., block], self.squared_stretch[..., block]
         direct = np.zeros((*v.shape[:2], len(_PAIRS), v.shape[-1]))
-        along = 0.0 if E is None else E
-        if T is not None:
-            along = along - 2 * T
-            for k, (i, j) in enumerate(_PAIRS):
-                if i == j:
-                    direct[:, :, k] += T / squared
-        _add_square(direct, along, v)
+        if T is not None and E is not None:
+            direct[:, :, _DIAGONAL] += (T / squared)[:, :, None]
+            _add_square(direct, E - 2 * T, v)
         return direct, None if M is None else self._add_shear(direct, M, block)
 
     def _add_shear(self, direct: ndarray, M: ndarray, block: slice) -> ndarray:
@@ -227,72 +201,16 @@ class InSpace:
         root = np.sqrt(squared[0] * squared[1])
         return ((together - apart) / root)[:, None] * normal
 
-    def angle_derivatives(self, block: slice) -> tuple[ndarray, ndarray]:
+    def angle_derivatives(self, block: slice) -> ndarray:
         """See `FibreDeformation`."""
-        warp, weft = self._crossing.derivatives[..., block]
-        return warp, weft
-
-
-@dataclass(frozen=True, eq=False)
-class DeformationInSpace(InSpace, FibreDeformation):
-    """Deformation of the fibres at P points of n elements, in space."""
-
-    side: ndarray
-
-
-#: Deformations at the points of a group, set by set.
-Deformations: TypeAlias = list[FibreDeformation]
-
-
-class IntegrationPoints(Protocol):
-    """P integration points in each of n elements, and sums over them.
-
-    ``A`` are the directions of warp and weft, shape (2, P, d, n), ``dx`` the areas of
-    the points, shape (P, n), and ``b`` identifies, together with A, sets of points with
-    equal deformations.  ``block`` selects elements.  Arguments and returned values
-    refer to these only.
-    """
-
-    A: ndarray
-    dx: ndarray
-    b: ndarray
-
-    @property
-    def n_modes(self) -> int:
-        """Number of modes on which the fibres depend, the first of all."""
-        ...
-
-    def fibres(self, u: ndarray, block: slice) -> ndarray:
-        """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
-        ...
-
-    def forces(self, forces: ndarray, block: slice) -> ndarray:
-        """Σ b_a f over fibres and points, shape (n_modes, d, n)."""
-        ...
-
-    def add_stiffness(
-        self, K: ndarray, direct: ndarray, across: Values, block: slice
-    ) -> None:
-        """Add Σ b_a b_c k over fibres and points, see `FibreDeformation.stiffness`.
-
-        The coupling of warp and weft is multiplied by b¹_a b²_c + b²_a b¹_c.
-        """
-        ...
-
-    def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
-        """Σ b_a v over points for warp and weft, shape (2, n_modes, d, n)."""
-        ...
-
-    def gradients(self, warp: ndarray, weft: ndarray, block: slice) -> ndarray:
-        """Σ b_a x over the fibres of each point, shape (P, n_modes, d, n).
-
-        x of warp and weft has the shape (P, d, n): v for ε₁ + ε₂, ∂Γ for Γ.
-        """
-        ...
+        return self._crossing[0][..., block]
 
 
 class GeneralPoints:
-    """Integration points of any element, whose modes are displacements of its nodes.
+    """P integration points in each of n elements, and sums over them.
+
+    The modes are displacements of the nodes.  ``block`` selects elements; arguments and
+    returned values refer to these only.
 
     Parameters
     ----------
@@ -310,10 +228,13 @@ class GeneralPoints:
 
     Attributes
     ----------
-    A, dx
-        See `IntegrationPoints`.
+    A
+        Directions of warp and weft, shape (2, P, d, n).
     b
-        b_a of warp and weft, shape (2, P, k, n).
+        b_a of warp and weft, shape (2, P, k, n); with A it identifies sets of points
+        with equal deformations.
+    n_modes
+        Number of modes on which the fibres depend, the first of all.
     """
 
     def __init__(
@@ -341,12 +262,12 @@ class GeneralPoints:
         self._pairs = [(number[nodes[a], nodes[c]], a, c) for a, c in pairs]
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
-        """See `IntegrationPoints`."""
+        """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
         A = np.broadcast_to(self.A, (*self.A.shape[:3], self.b.shape[-1]))[..., block]
         return A + np.einsum("fpan,ain->fpin", self.b[..., block], u[self._nodes])
 
     def forces(self, forces: ndarray, block: slice) -> ndarray:
-        """See `IntegrationPoints`."""
+        """Σ b_a f over fibres and points, shape (n_modes, d, n)."""
         f = np.zeros((self._n_nodes, *forces.shape[2:]))
         f[self._nodes] = np.einsum("fpan,fpin->ain", self.b[..., block], forces)
         return f
@@ -354,7 +275,10 @@ class GeneralPoints:
     def add_stiffness(
         self, K: ndarray, direct: ndarray, across: Values, block: slice
     ) -> None:
-        """See `IntegrationPoints`."""
+        """Add Σ b_a b_c k over fibres and points, see `FibreDeformation.stiffness`.
+
+        The coupling of warp and weft is multiplied by b¹_a b²_c + b²_a b¹_c.
+        """
         b = self.b[..., block]
         for pair, a, c in self._pairs:
             add_symmetric(
@@ -365,13 +289,17 @@ class GeneralPoints:
                 add_symmetric(K[pair], np.einsum("pn,pcn->cn", both, across))
 
     def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
-        """See `IntegrationPoints`."""
+        """Σ b_a v over points for warp and weft, shape (2, n_modes, d, n)."""
         g = np.zeros((2, self._n_nodes, *v.shape[2:]))
         g[:, self._nodes] = np.einsum("fpan,fpin->fain", self.b[..., block], v)
         return g
 
-    def gradients(self, warp: ndarray, weft: ndarray, block: slice) -> ndarray:
-        """See `IntegrationPoints`."""
+    def gradients(self, x: ndarray, block: slice) -> ndarray:
+        """Σ b_a x over the fibres of each point, shape (P, n_modes, d, n).
+
+        x of warp and weft has the shape (2, P, d, n): v for ε₁ + ε₂, ∂Γ for Γ.
+        """
+        warp, weft = x
         b_1, b_2 = self.b[..., block, None].swapaxes(-1, -2)
         g = np.zeros((len(self.dx), self._n_nodes, *warp.shape[1:]))
         g[:, self._nodes] = b_1 * warp[:, None] + b_2 * weft[:, None]
@@ -388,7 +316,7 @@ class QuadPoints:
     Attributes
     ----------
     A, dx
-        See `IntegrationPoints`; A is the same for all points.
+        See `GeneralPoints`; A is the same for all points.
     b
         η of warp and weft, shape (2, P, n).
     """
@@ -403,19 +331,19 @@ class QuadPoints:
         return 3 if self.b.any() else 2
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
-        """See `IntegrationPoints`."""
+        """See `GeneralPoints`."""
         A = np.broadcast_to(self.A, (*self.A.shape[:3], self.b.shape[-1]))
         return A[..., block] + u[:2, None] + self.b[..., block][:, :, None] * u[2]
 
     def forces(self, forces: ndarray, block: slice) -> ndarray:
-        """See `IntegrationPoints`."""
+        """See `GeneralPoints`."""
         hourglass = np.einsum("fpn,fpin->in", self.b[..., block], forces)
         return np.concatenate([forces.sum(axis=1), hourglass[None]])
 
     def add_stiffness(
         self, K: ndarray, direct: ndarray, across: Values, block: slice
     ) -> None:
-        """See `IntegrationPoints`."""
+        """See `GeneralPoints`."""
         eta = self.b[..., block]
         mixed = eta[:, :, None] * direct
         # pairs of modes: 0, 3, 5 are diagonal, 2, 4 couple to the hourglass mode
@@ -433,18 +361,22 @@ class QuadPoints:
             add_symmetric(K[5], 2 * np.einsum("pn,pcn->cn", eta[0], by_weft))
 
     def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
-        """See `IntegrationPoints`."""
+        """See `GeneralPoints`."""
         g = np.zeros((2, 3, *v.shape[2:]))
         g[0, 0], g[1, 1] = v.sum(axis=1)
         g[:, 2] = np.einsum("fpn,fpin->fin", self.b[..., block], v)
         return g
 
-    def gradients(self, warp: ndarray, weft: ndarray, block: slice) -> ndarray:
-        """See `IntegrationPoints`."""
-        eta, g = self.b[..., block], np.empty((len(warp), 3, *warp.shape[1:]))
-        g[:, 0], g[:, 1] = warp, weft
+    def gradients(self, x: ndarray, block: slice) -> ndarray:
+        """See `GeneralPoints`."""
+        eta, g = self.b[..., block], np.empty((x.shape[1], 3, *x.shape[2:]))
+        g[:, 0], g[:, 1] = x
         g[:, 2] = eta[0][:, None] * g[:, 0] + eta[1][:, None] * g[:, 1]
         return g
+
+
+#: Integration points of elements.
+IntegrationPoints: TypeAlias = GeneralPoints | QuadPoints
 
 
 def add_symmetric(K: ndarray, stiffness: ndarray) -> None:
@@ -507,9 +439,9 @@ class ElementGroup:
         self.area: ndarray = sum(p.dx.sum(axis=0) for p in points)
         starts = range(0, n, _BLOCK)
         self.blocks = [slice(i, min(i + _BLOCK, n)) for i in starts]
-        self._last: tuple[ndarray, Deformations] = np.empty(0), []
+        self._last: tuple[ndarray, list[FibreDeformation]] = np.empty(0), []
 
-    def last_deformations(self, u: ndarray) -> Deformations:
+    def last_deformations(self, u: ndarray) -> list[FibreDeformation]:
         """Deformations at all points, kept for the last ``u``.
 
         Forms on one basis share them, as do residual and tangent.
@@ -521,30 +453,30 @@ class ElementGroup:
 
     def deformations(
         self, u: ndarray, points: Sequence[IntegrationPoints]
-    ) -> Deformations:
+    ) -> list[FibreDeformation]:
         """Deformations at the given integration points for a DOF vector ``u``."""
         if not points:
             return []
         d, n = points[0].A.shape[2], self.nodes.shape[1]
         columns = u.reshape(-1, d).T.copy()
         local = np.stack([x[self.nodes] for x in columns], axis=1)
-        in_space = [
+        arrays = [
             (np.empty((2, P, d, n)), np.empty((2, P, n)), np.empty((P, n)))
-            for P in map(len, (p.dx for p in points))
+            for P in (len(p.dx) for p in points)
         ]
         for block in self.blocks:
             modes = local[..., block]
             if self.modes is not None:
                 modes = np.einsum("ran,ain->rin", self.modes[..., block], modes)
-            for p, (v, squared, angle) in zip(points, in_space, strict=True):
+            for p, (v, squared, angle) in zip(points, arrays, strict=True):
                 a = p.fibres(modes, block)
                 square = a[:, :, 0] ** 2 + a[:, :, 1] ** 2
                 if d == 3:
                     square += a[:, :, 2] ** 2
                 v[..., block], squared[..., block] = a / square[:, :, None], square
                 angle[..., block] = angle_between(a) if d == 2 else angle_in_space(a)
-        deformations: Deformations = []
-        for p, (v, squared, angle) in zip(points, in_space, strict=True):
+        deformations: list[FibreDeformation] = []
+        for p, (v, squared, angle) in zip(points, arrays, strict=True):
             at_rest = angle_between(p.A[:, :, :2])
             if d == 2:
                 fibres = FibreDeformation(v, squared, at_rest - angle)
@@ -594,7 +526,7 @@ def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
         modes = np.concatenate([centres.b[:, 0], gamma[None]])
         eta = (A * slope).sum(axis=1).swapaxes(1, 2)
         points = [QuadPoints(centres.A, basis.dx.T, eta)]
-        if len(sets) == 2:
+        if fluctuates:
             no_dx, no_eta = 0 * basis.dx.T[:1], 0 * eta[:, :1]
             points.insert(0, QuadPoints(centres.A, no_dx, no_eta))
     else:

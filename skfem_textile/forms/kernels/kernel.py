@@ -21,11 +21,11 @@ columns of the deformation gradient at the centre, y₃ = Σ γ_a u_a.  Each y_s
 x_a is linear in the nodal positions x_a, because γ maps reference positions to zero.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations_with_replacement
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -37,7 +37,6 @@ from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis, cr
 from ...mesh.pattern import full_matrices
 from ...mesh.user_input import parameter
 from .elements import (
-    Deformations,
     ElementGroup,
     FibreDeformation,
     IntegrationPoints,
@@ -64,30 +63,27 @@ class RankOneStiffness(NamedTuple):
     gradients: Callable[[slice], ndarray]
 
 
-class Kernel(Protocol):
+@dataclass(frozen=True, eq=False)
+class Kernel:
     """Energy of a term and its derivatives with respect to fibre strains.
 
     It supports bases of the class ``basis_type`` (`can_compute`).
     """
 
-    basis_type: ClassVar[type[CellBasis]]
-
-    @property
-    def fabric(self) -> Fabric:
-        """The fabric with its directions and laws."""
-        ...
+    fabric: Fabric
+    basis_type: ClassVar[type[CellBasis]] = CellBasis
 
     def energy(self, x: "KernelState") -> float:
         """Energy in N·mm."""
-        ...
+        raise NotImplementedError
 
     def stresses(self, x: "KernelState") -> list[Stress]:
         """Stresses at the points."""
-        ...
+        raise NotImplementedError
 
     def stiffnesses(self, x: "KernelState") -> list[RankOneStiffness]:
         """Stiffnesses that couple fibres or points."""
-        ...
+        raise NotImplementedError
 
 
 class KernelState(NamedTuple):
@@ -101,30 +97,29 @@ class KernelState(NamedTuple):
     kernel: Kernel
     group: ElementGroup
     places: Sequence[IntegrationPoints]
-    fibres: Deformations
+    fibres: list[FibreDeformation]
     w: Parameters
 
+    @property
+    def sets(self) -> Iterator[tuple[IntegrationPoints, Fabric, FibreDeformation]]:
+        """Points, laws and deformation of each set of points."""
+        return zip(self.group.points, self.group.fabrics, self.fibres, strict=True)
 
-@dataclass(frozen=True, eq=False)
-class TensionKernel:
+
+class TensionKernel(Kernel):
     """Kernel of `tension`."""
-
-    fabric: Fabric
-    basis_type: ClassVar[type[CellBasis]] = CellBasis
 
     def energy(self, x: KernelState) -> float:
         """∫ Σ_α ψ(ε_α) dΩ."""
-        sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
         return sum(
             float((p.dx * _laws(fabric, "energies", f.strain)).sum())
-            for p, fabric, f in sets
+            for p, fabric, f in x.sets
         )
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension and its slope; `stiffnesses` has the slope for ε₁ + ε₂."""
         tensions, stresses = _tension_values(self.fabric, x), []
-        sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
-        for i, (p, fabric, f) in enumerate(sets):
+        for i, (p, fabric, f) in enumerate(x.sets):
             T = tensions[i] if tensions else _laws(fabric, "value", f.strain)
             direct, cross = _slopes(fabric, f.strain)
             slope = direct if cross is None else direct - cross
@@ -135,55 +130,54 @@ class TensionKernel:
         """Warp-weft coupling as a rank-one update of ε₁ + ε₂; empty if uncoupled."""
         if isinstance(self.fabric.tensions, TwoLaws):
             return []
-        sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
         return [
             RankOneStiffness(
                 p.dx * _slopes(fabric, f.strain).cross, partial(_sum_gradients, p, f)
             )
-            for p, fabric, f in sets
+            for p, fabric, f in x.sets
         ]
 
     def predicted_tension(self, x: KernelState, after: KernelState) -> list[ndarray]:
         """T(ε) + ∂T/∂ε Δε, shape (2, P, n) each."""
-        sets = zip(x.group.fabrics, x.fibres, after.fibres, strict=True)
         return [
             _laws(fabric, "value", f.strain)
             + _slopes(fabric, f.strain).times(f.change(g))
-            for fabric, f, g in sets
+            for (_, fabric, f), g in zip(x.sets, after.fibres, strict=True)
         ]
 
 
-@dataclass(frozen=True, eq=False)
-class ShearKernel:
+class ShearKernel(Kernel):
     """Kernel of `shear`."""
-
-    fabric: Fabric
-    basis_type: ClassVar[type[CellBasis]] = CellBasis
 
     def energy(self, x: KernelState) -> float:
         """∫ w(Γ) dΩ."""
-        pairs = zip(x.group.points, _of_shear("energy", x), strict=True)
-        return sum(float((p.dx * w_p).sum()) for p, w_p in pairs)
+        return sum(
+            float((p.dx * _of_shear(fabric, "energy", f)).sum())
+            for p, fabric, f in x.sets
+        )
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Shear moment."""
-        pairs = zip(x.group.points, _of_shear("value", x), strict=True)
-        return [Stress(moment=p.dx * M_p) for p, M_p in pairs]
+        return [
+            Stress(moment=p.dx * _of_shear(fabric, "value", f))
+            for p, fabric, f in x.sets
+        ]
 
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """Slope of the shear law, along the gradient of the shear angle."""
-        sets = zip(x.group.points, x.fibres, _of_shear("tangent", x), strict=True)
         return [
-            RankOneStiffness(p.dx * G_p, partial(_angle_gradients, [(p, f)]))
-            for p, f, G_p in sets
+            RankOneStiffness(
+                p.dx * _of_shear(fabric, "tangent", f),
+                partial(_angle_gradients, [(p, f)]),
+            )
+            for p, fabric, f in x.sets
         ]
 
 
 @dataclass(frozen=True, eq=False)
-class HourglassKernel:
+class HourglassKernel(Kernel):
     """Kernel of `hourglass`: points at the centre, then at the corners."""
 
-    fabric: Fabric
     C_s: float | None = None
     basis_type: ClassVar[type[CellBasis]] = HourglassBasis
 
@@ -216,11 +210,9 @@ class HourglassKernel:
         return corners.dx * C_s, at_corners.shear_angle - at_centre.shear_angle
 
 
-@dataclass(frozen=True, eq=False)
-class MeanTensionKernel:
+class MeanTensionKernel(Kernel):
     """Kernel of `mean_tension`."""
 
-    fabric: Fabric
     basis_type: ClassVar[type[CellBasis]] = MeanBasis
 
     def energy(self, x: KernelState) -> float:
@@ -336,7 +328,7 @@ def _angle_gradients(
     angles: Sequence[tuple[IntegrationPoints, FibreDeformation]], block: slice
 ) -> ndarray:
     """∂Γ/∂u_a at a set of points; given two sets, the first minus the second."""
-    g, *others = (p.gradients(*f.angle_derivatives(block), block) for p, f in angles)
+    g, *others = (p.gradients(f.angle_derivatives(block), block) for p, f in angles)
     return g - others[0] if others else g
 
 
@@ -344,8 +336,7 @@ def _sum_gradients(
     points: IntegrationPoints, fibres: FibreDeformation, block: slice
 ) -> ndarray:
     """∂(ε₁ + ε₂)/∂u_a."""
-    warp, weft = fibres.v[..., block]
-    return points.gradients(warp, weft, block)
+    return points.gradients(fibres.v[..., block], block)
 
 
 def _mean(group: ElementGroup, values: list[ndarray]) -> ndarray:
@@ -381,12 +372,10 @@ def _slopes(fabric: Fabric, strain: ndarray) -> Slopes:
     return Slopes(np.array([x.T for x in direct]), None if cross is None else cross.T)
 
 
-def _of_shear(part: str, x: KernelState) -> list[ndarray]:
-    """Energy, value or tangent of the shear law at the points, shape (P, n)."""
-    angles = (f.shear_angle.T for f in x.fibres)
-    laws = (getattr(fabric.shear_law, part) for fabric in x.group.fabrics)
-    pairs = zip(laws, angles, strict=True)
-    return [np.broadcast_to(law(angle), angle.shape).T for law, angle in pairs]
+def _of_shear(fabric: Fabric, part: str, fibres: FibreDeformation) -> ndarray:
+    """Energy, value or tangent of the shear law, shape (P, n); laws take (n, P)."""
+    angle = fibres.shear_angle.T
+    return np.broadcast_to(getattr(fabric.shear_law, part)(angle), angle.shape).T
 
 
 class SharedGroup(NamedTuple):
