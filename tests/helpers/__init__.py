@@ -2,7 +2,6 @@
 
 import errno
 import os
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -79,18 +78,6 @@ FORMULATIONS_ON_MESHES = {
     "quadratic": (Quadratic(), "delaunay"),
     "quadratic, mean": (Quadratic(80.0), "delaunay"),
 }
-
-
-def table_cells(text, *names):
-    """The cells of the line of a table of a study that begins with these names."""
-    rows = ([c.strip() for c in line.split("|")[1:-1]] for line in text.splitlines())
-    (line,) = (line for line in rows if line[: len(names)] == list(names))
-    return line[len(names) :]
-
-
-def drawable(study):
-    """The pictures of a study; none if packages for drawing are missing."""
-    return study.pictures if find_spec("matplotlib") and find_spec("pyvista") else ()
 
 
 def derivative(function, x, direction, step=1e-5):

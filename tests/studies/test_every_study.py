@@ -81,20 +81,6 @@ def test_stored_rows_reproduce_the_pictures(name, tmp_path):
     assert {file.name for file in tmp_path.iterdir()} == {*study.pictures}
 
 
-@pytest.mark.parametrize("name", [name for name in STUDIES if name != "calibration"])
-def test_other_formats_of_pictures_are_rejected_before_any_work(
-    name, tmp_path, monkeypatch
-):
-    pytest.importorskip("matplotlib")
-    monkeypatch.setattr("matplotlib.figure.Figure.__init__", lambda *_, **__: 1 / 0)
-    for part in STUDIES[name].parts:
-        for file, draw in part.pictures.items():
-            if file.endswith(".png"):
-                with pytest.raises(ValueError, match=r"y\.gif: pictures can"):
-                    draw(part.of(stored(name)), tmp_path / "y.gif")
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize("name", [name for name in STUDIES if name != "speed"])
 def test_a_run_writes_its_files_and_its_rows_reproduce_them(
     name, tmp_path, capsys, monkeypatch

@@ -1,5 +1,4 @@
 import csv
-import json
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ from studies.__main__ import main
 from studies.common.provenance import FILE
 from studies.paper import study
 from studies.paper.study import Strip
-from studies.paper.two_element import report, slips, systems, table
+from studies.paper.two_element import slips, systems
 
 BY_NAME = {system[:4]: system for system in systems()}
 HALF_A_DIGIT = 0.5e-8
@@ -67,35 +66,6 @@ def test_the_listed_errors_are_errors_of_the_paper():
         assert number in evidence
     for unlike in ("is 0 as printed, 0.5 as corrected", "4 entries, B_HGL^T 8 rows"):
         assert unlike in evidence
-
-
-def test_the_tables_have_a_row_per_equation_system_and_slip():
-    tables = [part.splitlines() for part in table(**report()).split("\n\n")]
-    printed = sum(len(system.printed) for system in systems())
-    rows = printed, len(systems()), len(slips())
-    assert [len(lines) - 2 for lines in tables] == list(rows)
-    for lines in tables:
-        assert len({line.count("|") for line in lines}) == 1
-
-
-@pytest.mark.parametrize(
-    "digits", ["1.42661107", "2.13991661", "-1.18884256", "1.54532201", "0.3185494"]
-)
-def test_the_table_shows_the_printed_digits(digits):
-    equations, *_ = table(**report()).split("\n\n")
-    printed = [line.split("|")[3] for line in equations.splitlines()]
-    assert any(digits in cell for cell in printed)
-
-
-def test_two_elements_write_their_systems_only(tmp_path, capsys):
-    out = tmp_path / "out"
-    assert main(["paper", "--case", "two elements", "--out", str(out)]) == 0
-    names = {"systems.json", FILE}
-    assert {file.name for file in out.iterdir()} == names
-    written = json.loads((out / "systems.json").read_text())
-    assert len(written["systems"]) == 3 * 2 * 2 * 2
-    assert len(written["slips"]) == 8
-    assert "0.38225928 u3 - 0.57338893 u4 = 0" in capsys.readouterr().out
 
 
 FEW = [

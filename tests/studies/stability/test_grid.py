@@ -7,7 +7,6 @@ import pytest
 
 from skfem_textile.mesh.checks import MeshError
 from skfem_textile.ply.formulations import Full
-from studies.angles import cases as angles
 from studies.common.rivals.codes import Plain
 from studies.common.rivals.newton import STEPS, NotConvergedError, Run
 from studies.common.rivals.rival import QUAD4
@@ -17,9 +16,7 @@ from studies.stability.grid.study import (
     OURS,
     REFERENCE,
     STUDY,
-    Cell,
     Ours,
-    Reference,
     Theirs,
 )
 
@@ -53,15 +50,6 @@ def test_the_library_has_the_converged_load_where_points_lock(coarse, monkeypatc
     assert theirs["linear_solves"] >= theirs["steps"]
 
 
-def test_references_agree_when_cells_are_halved(monkeypatch):
-    fewer = [(formulation, n // 4) for formulation, n in angles.REFERENCES]
-    monkeypatch.setattr(angles, "REFERENCES", fewer)
-    (row,) = Reference(1e4).rows()
-    assert row["load"] == pytest.approx(0.942, abs=0.01)
-    assert 0 < abs(row["halving"]) < 0.02
-    assert 0 < abs(row["apart"]) < 0.02
-
-
 def test_stored_references_agree(stored):
     rows = [row for row in stored if row["code"] == REFERENCE]
     assert [row["ratio"] for row in rows] == list(study.RATIOS)
@@ -87,49 +75,11 @@ def test_unstable_final_states_do_not_count(coarse, monkeypatch):
     assert row["note"] == "not stable, or folded"
 
 
-def test_a_code_that_is_not_installed_has_no_cell(coarse, monkeypatch):
-    class Missing(Plain):
-        def missing(self):
-            return "it"
-
-    use(monkeypatch, Missing(QUAD4))
-    (row,) = STUDY.examine(Theirs(0, 1e2, 0.0, 1))
-    assert row["note"] == "skipped, not installed: it"
-    reference = {"code": REFERENCE, "ratio": 1e2, "load": 1.0}
-    assert study.cells([reference, row]) == {}
-    assert "skipped" in STUDY.line([row | {"case": "it"}])
-
-
 def test_seeds_that_invert_an_element_are_skipped():
     assert study.seeds("irregular", 16, 0.45) == (1, 4, 5)
     with pytest.raises(MeshError, match="inverted"):
         study._scene("irregular", 16, 0.45, 2)
     assert study.seeds("irregular", 16, 0.0) == (1,)
-
-
-def run(load, seed=1, sound=True, ratio=1e4):
-    at = {"code": OURS, "ratio": ratio, "distortion": 0.1, "seed": seed}
-    return at | {"load": load, "linear_solves": 4 + seed, "sound": sound}
-
-
-CONVERGED = {"code": REFERENCE, "load": 0.5, "halving": 0.001, "apart": -0.002}
-
-
-def cell_of(*rows):
-    rows = [CONVERGED | {"ratio": 1e4}, *rows]
-    return study.cells(rows)[OURS][1e4, 0.1]
-
-
-def test_a_cell_is_the_median_over_its_meshes():
-    cell = cell_of(run(0.51), run(0.5, 2), run(0.6, 3))
-    assert cell == pytest.approx((1.02, 6))
-    assert cell_of(run(0.47)) == pytest.approx((0.94, 5))
-
-
-def test_a_cell_has_no_result_where_most_meshes_have_none():
-    bad = [run(0.5, seed, sound=False) for seed in (2, 3)]
-    assert cell_of(run(0.5), *bad) == Cell()
-    assert cell_of(run(0.5), run(0.52, 2), bad[1]).load == pytest.approx(1.02)
 
 
 def test_stored_results_are_right_up_to_the_stated_ratios(stored):
