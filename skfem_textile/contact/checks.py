@@ -11,8 +11,8 @@ from numpy import ndarray
 from ..ply import Ply
 from ..solve.on_surface import SurfaceError
 from ..solve.problem import OPPOSITE
-from .holder import Pressing, pressing
-from .obstacle import Obstacle, ToolContact, no_reach
+from .holder import contacts, pressing
+from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
 # Penetration relative to the size of the ply that is round-off, and most projections of
@@ -72,7 +72,7 @@ def check_tools(ply: Ply, moved: bool = False) -> None:
     Traceback (most recent call last):
     ValueError: tools 'punch' and 'die' leave no room for the ply at load factor 1: ...
     """
-    tools = [term for term in ply.terms if isinstance(term, ToolContact)]
+    tools = contacts(ply)
     if not tools:
         return
     for tool in tools:
@@ -147,9 +147,10 @@ def _refuse_crossing(
     node, most = int(nodes[depth.argmax()]), float(depth.max())
     raise ValueError(
         f"tools {one.name!r} and {other.name!r} leave no room for the ply at load "
-        f"factor {t:g}: {one.name!r} pushes node {node}, at {one.place(X[:, node])} in "
-        f"the undeformed ply, {most:.3g} mm into {other.name!r}: reduce the "
-        "travel, enlarge the opening, or move the tools apart"
+        f"factor {t:g}: {one.name!r} pushes node {node}, at "
+        f"{one._obstacle.place(X[:, node])} in the undeformed ply, {most:.3g} mm into "
+        f"{other.name!r}: reduce the travel, enlarge the opening, or move the tools "
+        "apart"
     )
 
 
@@ -179,7 +180,7 @@ def _size(ply: Ply) -> float:
     return float(np.ptp(ply.nodes, axis=1).max())
 
 
-def _refuse_asymmetric(ply: Ply, tools: Sequence[Pressing]) -> None:
+def _refuse_asymmetric(ply: Ply, tools: Sequence[ToolTerm]) -> None:
     """Refuse tools that are not symmetric, within reach of the ply, about its planes.
 
     The nodes are moved along with each tool and projected onto every tool.  The mirror
@@ -222,7 +223,7 @@ def _mirrored(ply: Ply, name: str, x: ndarray) -> ndarray:
 
 
 def _refuse_off(
-    tool: Pressing, boundary: str, x: ndarray, off: ndarray, ply: Ply, t: float
+    tool: ToolTerm, boundary: str, x: ndarray, off: ndarray, ply: Ply, t: float
 ) -> None:
     """Refuse distances ``off`` of mirror images of x from the tool beyond rounding."""
     obstacle, allowed, worst = tool._obstacle, _ASYMMETRIC * _size(ply), off.argmax()

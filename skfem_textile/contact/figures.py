@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from ..ply import Ply
 from ..solve.quantities import Quantity
-from ..solve.result import Result
+from ..solve.result import Result, components_mm
 from ..solve.states import State
 from .gaps import (
     SmallestGap,
@@ -19,14 +19,9 @@ from .gaps import (
     touching,
     turn_on_tool,
 )
-from .holder import Pressing, contacts, flat_thickness, pressing
-from .obstacle import ToolContact
-from .risks import (
-    COARSE,
-    most_compressed,
-    share_of_area,
-    wrinkle_risk,
-)
+from .holder import contacts, flat_thickness, pressing
+from .obstacle import ToolContact, ToolTerm
+from .risks import COARSE, most_compressed, share_of_area, wrinkle_risk
 from .shape import areal_weight, draw_in, fibre_curvature
 
 # Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
@@ -69,7 +64,10 @@ def formed(result: Result) -> dict[str, Any]:
     return {
         **(last := _of_tools(result, history)),
         **_of_whole_ply(ply, last),
-        **{f"{name}_penetration_mm": _depth(gap) for name, gap in gaps.items()},
+        **{
+            f"{name}_penetration_mm": max(-least.gap, 0.0) if least else 0.0
+            for name, least in gaps.items()
+        },
         **deepest,
         **_draw_in(ply, state.u),
         **_areal_weight(ply, state.u),
@@ -227,13 +225,9 @@ def _along(result: Result) -> ndarray:
     return longest / length if length > 0 else np.array([0.0, 0.0, 1.0])
 
 
-def travel(tool: Pressing, t: float) -> float:
+def travel(tool: ToolTerm, t: float) -> float:
     """Distance of a tool from its initial position at a load factor, in mm."""
     return float(np.linalg.norm(tool.travel(t)))
-
-
-def _depth(least: SmallestGap | None) -> float:
-    return 0.0 if least is None else max(-least.gap, 0.0)
 
 
 def _deepest(
@@ -245,11 +239,10 @@ def _deepest(
         return {"max_penetration_mm": 0.0}
     name, deepest = min(inside.items(), key=lambda item: item[1].gap)
     at = tools[0].stated(deepest.place[:, None])[:, 0]
-    places = zip("xyz", at.tolist(), strict=True)
     return {
         "max_penetration_mm": -deepest.gap,
         "max_penetration_tool": name,
-        **{f"max_penetration_at_{axis}_mm": x for axis, x in places},
+        **components_mm("max_penetration_at", at),
         "max_penetration_element": deepest.element,
     }
 
@@ -279,14 +272,13 @@ def _areal_weight(ply: Ply, u: ndarray) -> dict[str, float]:
     constant fibre volume fraction.
     """
     ratio, thickness = areal_weight(ply, u), flat_thickness(ply)
-    figures = {
-        "max_areal_weight_ratio": float(ratio.max()),
-        "min_areal_weight_ratio": float(ratio.min()),
-    }
+    fields = {"areal_weight_ratio": ratio}
     if thickness:
-        name = "thickness_at_constant_fibre_fraction_mm"
-        figures[f"max_{name}"] = thickness * float(ratio.max())
-        figures[f"min_{name}"] = thickness * float(ratio.min())
+        fields["thickness_at_constant_fibre_fraction_mm"] = thickness * ratio
+    figures: dict[str, float] = {}
+    for name, field in fields.items():
+        figures[f"max_{name}"] = float(field.max())
+        figures[f"min_{name}"] = float(field.min())
     return figures
 
 
