@@ -62,8 +62,7 @@ def formed(result: Result) -> dict[str, Any]:
     stated = tools[0].stated
     history = tool_history(result)
     return {
-        **(last := _of_tools(result, history)),
-        **_of_whole_ply(ply, last),
+        **_of_tools(result, history),
         **{
             f"{name}_penetration_mm": max(-least.gap, 0.0) if least else 0.0
             for name, least in gaps.items()
@@ -80,6 +79,9 @@ def formed(result: Result) -> dict[str, Any]:
         "first": [quantity.declared() for quantity in _first(result, deepest)],
     }
 
+
+# Cosine of the angle between two planes that is round-off: they are at right angles.
+_ACROSS = 1e-6
 
 #: Computed part of a ply by the number of its mirror images.
 PARTS = {2: "half", 4: "quarter"}
@@ -129,32 +131,23 @@ def mirror_images(ply: Ply) -> int:
     return {0: 1, 1: 2, 2: 4}.get(len(names), 0)
 
 
-# Cosine of the angle between two planes that is round-off: they are at right angles.
-_ACROSS = 1e-6
-
-
 def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float]:
-    """Last row of a history, and the half-widths of the forces in N."""
-    last = {name: column[-1].item() for name, column in history.items()}
+    """Last row of a history, half-widths of the forces, and forces on the whole ply.
+
+    The latter in N, if only a half or quarter of the ply is computed.
+    """
+    figures = {name: column[-1].item() for name, column in history.items()}
     along, known = np.abs(_along(result)), result.error.reactions
-    forces = {x.name: known[x.name] for x in pressing(result.ply) if x.name in known}
-    return last | {
-        f"{name}_force_N_half_width": float(along @ half)
-        for name, half in forces.items()
-    }
-
-
-def _of_whole_ply(ply: Ply, last: Mapping[str, float]) -> dict[str, float]:
-    """Tool forces on the whole ply, if only a half or quarter is computed."""
-    parts = mirror_images(ply)
-    if parts not in PARTS:
-        return {}
-    return {
-        f"{tool.name}_force_on_whole_ply_N{end}": parts * last[key]
-        for tool in pressing(ply)
-        for end in ("", "_half_width")
-        if (key := f"{tool.name}_force_N{end}") in last
-    }
+    names = [tool.name for tool in pressing(result.ply)]
+    for name in names:
+        if name in known:
+            figures[f"{name}_force_N_half_width"] = float(along @ known[name])
+    parts = mirror_images(result.ply)
+    for name in names if parts in PARTS else ():
+        for end in ("", "_half_width"):
+            if (key := f"{name}_force_N{end}") in figures:
+                figures[f"{name}_force_on_whole_ply_N{end}"] = parts * figures[key]
+    return figures
 
 
 def tool_history(result: Result) -> dict[str, ndarray]:
