@@ -52,27 +52,20 @@ def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
     what = f"{what}: motion"
     if motion is None:
         return np.eye(3), np.zeros(3)
-    if callable(motion):
-        moved = call_user_function(what, motion, t)
-    else:
-        pair = isinstance(motion, tuple | list) and len(motion) == 2
-        final = np.empty(0) if pair else real_numbers(what, motion)
-        if final.shape != (3,):
-            raise ValueError(
-                f"{what} must be a final translation of three components; for a "
-                "rotation pass a function of the load factor that returns a rotation "
-                f"matrix and a translation, got {' '.join(repr(motion).split())}"
-            )
-        moved = t * final
-    pair = isinstance(moved, tuple) and len(moved) == 2
+    moved = call_user_function(what, motion, t) if callable(motion) else motion
+    pair = isinstance(moved, tuple | list) and len(moved) == 2
     rotation, translation = moved if pair else (np.eye(3), moved)
     rotation = real_numbers(what, rotation)
     translation = real_numbers(what, translation)
-    if rotation.shape != (3, 3) or translation.shape != (3,):
+    known = translation.shape == (3,) and rotation.shape == (3, 3)
+    if not known or (pair and not callable(motion)):
         raise ValueError(
-            f"{what} must be a translation of three components, or a rotation "
-            f"matrix and a translation, got {' '.join(repr(moved).split())}"
+            f"{what} must be a final translation of three components, or a function "
+            "of the load factor that returns a translation, or a rotation matrix and "
+            f"a translation, got {' '.join(repr(moved).split())}"
         )
+    if not callable(motion):
+        translation = t * translation
     if not np.isfinite(translation).all():
         raise ValueError(f"{what} is not finite at load factor {t:g}")
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
@@ -346,11 +339,6 @@ def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
     return corners
 
 
-def node_areas(basis: CellBasis) -> ndarray:
-    """Integral of the shape function of each node in mm², shape (n_nodes,)."""
-    return asm(LinearForm(lambda v, w: v[0]), basis)[:: components(basis)]
-
-
 class ContactPoints:
     """Contact points of the nodes of a ply, see `contact_points`.
 
@@ -496,7 +484,8 @@ class ToolContact(ToolTerm, ContactTerm):
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
         super().__init__(name, obstacle, basis)
-        self.points, self.areas = self._points.matrix, node_areas(basis)
+        self.points = self._points.matrix
+        self.areas = asm(LinearForm(lambda v, w: v[0]), basis)[::3]
         self._takes_part = self.areas > ROUND_OFF * self.areas.max()
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None

@@ -45,7 +45,7 @@ def refused(call, message, kind=ValueError):
         (lambda: punch(thickness=-1.0), "thickness must not be negative"),
         (
             lambda: punch(motion=np.eye(3)),
-            r"for a rotation pass a function .* got array\(\[\[1., 0., 0.\], \[0.",
+            r"final translation of three .* got array\(\[\[1., 0., 0.\], \[0.",
         ),
         (
             lambda: punch(motion=lambda t: (2 * np.eye(3), np.zeros(3))),
