@@ -8,6 +8,7 @@ from itertools import permutations
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
 from ..solve.on_surface import SurfaceError
 from ..solve.problem import OPPOSITE
@@ -216,10 +217,9 @@ def _points_of(bare: Obstacle, x: ndarray, t: float, ply: Ply) -> ndarray:
 
 def _mirrored(ply: Ply, name: str, x: ndarray) -> ndarray:
     """Points mirrored at the plane of a straight boundary of a ply."""
-    mesh = ply.mesh
-    begin, end = mesh.p[:, mesh.facets[:, mesh.boundaries[name][0]]].T
-    n = np.array([begin[1] - end[1], end[0] - begin[0], 0.0]) / np.hypot(*(end - begin))
-    return np.asarray(x - 2 * n[:, None] * (n[:2] @ (x[:2] - begin[:, None])))
+    nodes, N = nodes_and_normal(ply.mesh, ply.mesh.boundaries[name])
+    off = N @ (x[:2] - ply.mesh.p[:, nodes[:1]])
+    return np.asarray(x - 2 * np.outer([*N, 0.0], off))
 
 
 def _refuse_off(

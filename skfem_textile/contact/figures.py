@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
 from ..solve.quantities import Quantity
 from ..solve.result import Result, components_mm
@@ -121,14 +122,13 @@ def mirror_images(ply: Ply) -> int:
     1 without planes; 2 for one plane, and 4 for two at right angles; 0 if the copies do
     not fit together.
     """
-    mesh = ply.mesh
-    names = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
-    ends = np.array([mesh.p[:, mesh.facets[:, mesh.boundaries[x][0]]] for x in names])
-    if len(names) == 2:
-        one, other = ends[..., 1] - ends[..., 0]
-        if abs(one @ other) > _ACROSS * np.linalg.norm(one) * np.linalg.norm(other):
-            return 0
-    return {0: 1, 1: 2, 2: 4}.get(len(names), 0)
+    planes = [
+        ply.mesh.boundaries[x] for x, end in ply.fibre_ends.items() if end == "mirror"
+    ]
+    normals = [nodes_and_normal(ply.mesh, edges)[1] for edges in planes]
+    if len(normals) == 2 and abs(normals[0] @ normals[1]) > _ACROSS:
+        return 0
+    return {0: 1, 1: 2, 2: 4}.get(len(normals), 0)
 
 
 def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float]:

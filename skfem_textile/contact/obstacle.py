@@ -271,15 +271,15 @@ class Obstacle:
                 f"{self.what}: the surface is in the plane of the undeformed ply, so "
                 "that its side is not known: specify side=1 or side=-1"
             )
-        if min(above, below) > ROUND_OFF * size:
-            depth = np.maximum(-distance if above > below else distance, 0.0)
-            node = int(depth.argmax())
+        side = 1 if above > below else -1
+        if (depth := min(above, below)) > ROUND_OFF * size:
+            node = int((side * distance).argmin())
             raise ValueError(
                 f"{self.what} crosses the undeformed ply: node {node} at "
-                f"{self.place(self.X[:, node])} is {depth[node]:.3g} mm inside it: "
-                "move the tool, or specify its side"
+                f"{self.place(self.X[:, node])} is {depth:.3g} mm inside it: move the "
+                "tool, or specify its side"
             )
-        return 1 if above > below else -1
+        return side
 
 
 def turned(rotation: ndarray, H: ndarray) -> ndarray:
