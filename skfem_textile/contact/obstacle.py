@@ -41,39 +41,6 @@ _LARGEST = 100.0
 _INTERMEDIATE = 8
 
 
-def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndarray]:
-    """Rotation matrix and translation of a motion at a load factor.
-
-    Raises
-    ------
-    ValueError
-        If the motion returns something else; the message begins with ``what``.
-    """
-    what = f"{what}: motion"
-    if motion is None:
-        return np.eye(3), np.zeros(3)
-    moved = call_user_function(what, motion, t) if callable(motion) else motion
-    pair = isinstance(moved, tuple | list) and len(moved) == 2
-    rotation, translation = moved if pair else (np.eye(3), moved)
-    rotation = real_numbers(what, rotation)
-    translation = real_numbers(what, translation)
-    known = translation.shape == (3,) and rotation.shape == (3, 3)
-    if not known or (pair and not callable(motion)):
-        raise ValueError(
-            f"{what} must be a final translation of three components, or a function "
-            "of the load factor that returns a translation, or a rotation matrix and "
-            f"a translation, got {' '.join(repr(moved).split())}"
-        )
-    if not callable(motion):
-        translation = t * translation
-    if not np.isfinite(translation).all():
-        raise ValueError(f"{what} is not finite at load factor {t:g}")
-    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
-        raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")
-    return rotation, translation
-
-
 class Gaps(NamedTuple):
     """Gaps at points, infinite out of reach, shape (n,), and their gradients, (3, n).
 
@@ -150,21 +117,51 @@ class Obstacle:
         X = np.pad(node_positions(basis), ((0, 1), (0, 0)))
         refuse_extent(what, tool.surface, basis.mesh)
         check_surface(what, tool.surface, X)
-        for t in (0.0, 1.0):
-            placement(what, tool.motion, t)
         outline = _corners(what, tool.outline)
         side = tool.side or 1
         obstacle = cls(
             *(what, tool.surface, tool.motion, X, side, half, outline, reach),
             tool.stated,
         )
+        for t in (0.0, 1.0):
+            obstacle.placement(t)
         if tool.side is None:
             return replace(obstacle, side=obstacle._side_at_rest())
         return obstacle
 
     def placement(self, t: float) -> tuple[ndarray, ndarray]:
-        """Rotation matrix and translation at a load factor."""
-        return placement(self.what, self.motion, t)
+        """Rotation matrix and translation at a load factor.
+
+        Raises
+        ------
+        ValueError
+            If the motion returns something else.
+        """
+        what, motion = f"{self.what}: motion", self.motion
+        if motion is None:
+            return np.eye(3), np.zeros(3)
+        moved = call_user_function(what, motion, t) if callable(motion) else motion
+        pair = isinstance(moved, tuple | list) and len(moved) == 2
+        rotation, translation = moved if pair else (np.eye(3), moved)
+        rotation = real_numbers(what, rotation)
+        translation = real_numbers(what, translation)
+        known = translation.shape == (3,) and rotation.shape == (3, 3)
+        if not known or (pair and not callable(motion)):
+            raise ValueError(
+                f"{what} must be a final translation of three components, or a "
+                "function of the load factor that returns a translation, or a rotation "
+                f"matrix and a translation, got {' '.join(repr(moved).split())}"
+            )
+        if not callable(motion):
+            translation = t * translation
+        if not np.isfinite(translation).all():
+            raise ValueError(f"{what} is not finite at load factor {t:g}")
+        off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+        if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
+            raise ValueError(
+                f"{what}: the matrix at load factor {t:g} is not a rotation"
+            )
+        return rotation, translation
 
     def gaps(self, x: ndarray, t: float) -> Gaps:
         """Gaps of points, shape (3, n).
