@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from studies.commands import documented
 from studies.commands.documented import DOCUMENTED, IMPORTS, STRETCHED, Documented
 from studies.commands.study import STUDY
 
@@ -87,13 +86,6 @@ def test_estimates_of_the_load_lost_to_fibre_stretch_are_within_a_third(stored):
     for name in STRETCHED:
         measured = values[name, "measured"]
         assert values[name, "estimate"] == pytest.approx(measured, rel=1 / 3), name
-
-
-def test_a_failing_command_raises_its_message(monkeypatch):
-    case = Documented("README.md", "python examples/none.py", documented.table_of_strip)
-    monkeypatch.setitem(DOCUMENTED, "none", case)
-    with pytest.raises(RuntimeError, match=r"examples/none\.py"):
-        STUDY.examine("none")
 
 
 def test_commands_find_the_files_offered_by_their_page():
