@@ -140,7 +140,9 @@ class Obstacle:
         what, motion = f"{self.what}: motion", self.motion
         if motion is None:
             return np.eye(3), np.zeros(3)
-        moved = call_user_function(what, motion, t) if callable(motion) else motion
+        moved: Any = motion
+        if callable(motion):
+            moved = call_user_function(what, motion, t)
         pair = isinstance(moved, tuple | list) and len(moved) == 2
         rotation, translation = moved if pair else (np.eye(3), moved)
         rotation = real_numbers(what, rotation)

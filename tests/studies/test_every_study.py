@@ -64,7 +64,7 @@ def test_every_case_is_stored_and_no_other(name):
     assert not [x for x in rows - cases if not x.startswith(FURTHER.get(name, ()))]
 
 
-#: Targets that the stored results miss, as their pages state.
+#: Studies whose stored results miss a target, and the complaint.
 MISSED = {"laboratory": "1 target(s) missed"}
 
 
