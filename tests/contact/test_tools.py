@@ -335,6 +335,7 @@ def test_the_gradient_of_a_gap_depends_on_the_distance():
         ends = (term.gaps(u + sign * h.ravel(), 1.0) for sign in (1, -1))
         difference[k] = np.subtract(*ends) / 2e-5
     normal = term.normals(u, 1.0)
+    assert (normal * gradient).sum(axis=0) == pytest.approx(1.0, rel=1e-9)
     off, turned = gradient - difference, normal - difference
     for error in off, turned:  # along the surface; across it the gap is a distance
         error -= normal * (normal * error).sum(axis=0)
