@@ -4,7 +4,7 @@ import pytest
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
 from skfem_textile.scenes import bias_extension, strip
 from studies.common.rivals import linear, newton
-from studies.common.rivals.codes import RIVALS, Dolfinx, DolfinxError, Plain
+from studies.common.rivals.codes import RIVALS, Dolfinx, DolfinxError, FElupe, Plain
 from studies.common.rivals.linear import SolverOfThisLibrary, solver_of
 from studies.common.rivals.newton import NotConvergedError
 from studies.common.rivals.rival import (
@@ -73,6 +73,14 @@ def test_forces_and_tangent_agree_with_this_library(rival, G):
     np.testing.assert_allclose(f, ply.residual(u), atol=1e-9 * np.abs(f).max())
     expected = ply.tangent(u)
     assert abs(K - expected).max() < 1e-9 * abs(expected).max()
+
+
+def test_biquadratic_quadrilaterals_agree_with_felupe():
+    task = task_of(QUAD9, strip, size=(2, 3))
+    felupe = available(FElupe(QUAD9)).run(task, 10, repeats=0)
+    plain = Plain(QUAD9).run(task, 10, repeats=0)
+    np.testing.assert_allclose(plain.u, felupe.u, rtol=0, atol=1e-6)
+    assert len(task.nodes.T) == 5 * 7
 
 
 @pytest.mark.parametrize("rival", RIVALS, ids=name)
