@@ -1,4 +1,5 @@
 import argparse
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from skfem_textile import (
 from studies.common.rivals.codes import Plain
 from studies.common.rivals.newton import STEPS, NotConvergedError, Run
 from studies.common.rivals.rival import QUAD4, TRIANGLE6
-from studies.error_time import cases
+from studies.error_time import cases, fronts, study
 from studies.error_time.cases import (
     CODES,
     PROBLEMS,
@@ -33,6 +34,19 @@ def test_the_codes_take_turns_on_each_seed():
     assert set(seeds) == set(SEEDS)
     names = [str(case) for case in timed]
     assert len(set(names)) == len(names)
+
+
+def test_fronts_are_drawn_at_the_median_times_and_errors():
+    pytest.importorskip("matplotlib")
+    rows = STUDY.stored(Path(__file__).parents[2] / "docs" / "error-time")
+    angle, _ = study.draw_fronts(rows).axes
+    known = fronts.fronts(rows, fronts.CRITERIA["angle"], "fastest")
+    shown = [
+        [x for x in of if x.within <= study._MOST["angle"]] for of in known.values()
+    ]
+    lines = [line.get_xydata() for line in angle.lines if line.get_zorder() == 3]
+    for drawn, points in zip(lines, filter(None, shown), strict=True):
+        np.testing.assert_allclose(drawn, [(x.seconds[0], x.within) for x in points])
 
 
 def test_errors_of_the_shape_are_those_of_the_scene():

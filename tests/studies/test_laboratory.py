@@ -83,3 +83,33 @@ def test_missed_targets_are_reported():
     assert len(study.missed([good[0] | {"misread": True}])) == 1
     assert len(study.missed([good[0] | {"refused": "no"}])) == 1
     assert len(study.missed([{"case": "x", "what": "y", "as_needed": False}])) == 1
+
+
+JOINT = {"case": "joint: seed 1", "seed": 1, "parameter": "shear, stiffness"}
+JOINT |= {"error": 0.01, "joint": 0.014, "picture frame": 0.04, "bias extension": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("change", "texts"),
+    [
+        ({}, []),
+        ({"error": -0.021}, ["error of"]),
+        ({"joint": 0.021}, ["wider"]),
+        ({"joint": 0.02}, ["not narrower"]),
+        ({"bias extension": None, "joint": 0.04}, []),
+    ],
+)
+def test_joint_fits_are_judged_by_their_errors_and_bands(change, texts):
+    missed = study.missed([JOINT | change])
+    assert all(any(text in one for one in missed) for text in texts)
+    assert bool(missed) == bool(texts)
+
+
+@pytest.mark.parametrize(("inside", "number"), [(89, 0), (88, 2)])
+def test_predictions_are_judged_by_the_seeds_inside(inside, number):
+    rows = [
+        {"case": "held out: all seeds", "seed": seed, "converged_share": 0.95}
+        | {f"{name}_inside": seed <= inside for name in ("converged", "same_mesh")}
+        for seed in range(1, 101)
+    ]
+    assert len(study.missed(rows)) == number

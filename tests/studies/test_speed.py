@@ -79,3 +79,28 @@ def test_a_strip_imports_no_picture_file_format_or_tool(results):
     assert strip["own"] < sphere["own"]
     for name, current in (("strip", strip), ("sphere", sphere)):
         assert results["modules"]["scenes"][name]["own"] == current["own"]
+
+
+def costs(median, scatter=0.0):
+    return {"median": median, "least": median - scatter, "most": median + scatter}
+
+
+def test_changes_within_their_scatter_are_not_significant():
+    features = {
+        "first": {"memory": costs(60.0)},
+        "second": {"memory": costs(61.0, 3.0), "assembly": costs(3.0)},
+        "third": {"memory": costs(81.0, 3.0), "assembly": costs(2.0)},
+    }
+    adds = needs.added({"features": features})
+    assert adds["second"] == {"memory": (1.0, 2.0), "assembly": (3.0, 0.0)}
+    assert adds["third"] == {"memory": (20.0, 4.0), "assembly": (-1.0, 0.0)}
+    assert study.two_digits(*adds["second"]["memory"]) == "≈ 0"
+    assert study.two_digits(*adds["third"]["memory"]) == "+20"
+    assert study.two_digits(*adds["third"]["assembly"]) == "−1"
+
+
+def test_shares_have_median_and_quartiles():
+    share = needs._middle([-0.02, -0.01, 0.004, 0.02, 0.03])
+    assert study._share(share) == "+0.4 % (−1.5 to +2.5 %)"
+    none = {"median": -0.0001, "low": -0.01, "high": 0.0}
+    assert study._share(none) == "0.0 % (−1.0 to 0.0 %)"
