@@ -16,6 +16,7 @@ from studies.stability.grid.study import (
     OURS,
     REFERENCE,
     STUDY,
+    Cell,
     Ours,
     Theirs,
 )
@@ -80,6 +81,31 @@ def test_seeds_that_invert_an_element_are_skipped():
     with pytest.raises(MeshError, match="inverted"):
         study._scene("irregular", 16, 0.45, 2)
     assert study.seeds("irregular", 16, 0.0) == (1,)
+
+
+def run(load, seed=1, sound=True, ratio=1e4):
+    at = {"code": OURS, "ratio": ratio, "distortion": 0.1, "seed": seed}
+    return at | {"load": load, "linear_solves": 4 + seed, "sound": sound}
+
+
+CONVERGED = {"code": REFERENCE, "load": 0.5, "halving": 0.001, "apart": -0.002}
+
+
+def cell_of(*rows):
+    rows = [CONVERGED | {"ratio": 1e4}, *rows]
+    return study.cells(rows)[OURS][1e4, 0.1]
+
+
+def test_a_cell_is_the_median_over_its_meshes():
+    cell = cell_of(run(0.51), run(0.5, 2), run(0.6, 3))
+    assert cell == pytest.approx((1.02, 6))
+    assert cell_of(run(0.47)) == pytest.approx((0.94, 5))
+
+
+def test_a_cell_has_no_result_where_most_meshes_have_none():
+    bad = [run(0.5, seed, sound=False) for seed in (2, 3)]
+    assert cell_of(run(0.5), *bad) == Cell()
+    assert cell_of(run(0.5), run(0.52, 2), bad[1]).load == pytest.approx(1.02)
 
 
 def test_stored_results_are_right_up_to_the_stated_ratios(stored):
