@@ -36,6 +36,43 @@ def test_the_codes_take_turns_on_each_seed():
     assert len(set(names)) == len(names)
 
 
+def runs(across, seconds, *errors):
+    """Rows of one code and element, one for each seed; None if it failed."""
+    head = {"scene": "strip", "code": "FElupe", "element": "P2", "solver": "fastest"}
+    head |= {"across": across, "unknowns": across, "steps": 1, "linear_solves": 5}
+    return [
+        head
+        | {"angle": error, "seconds": None if error is None else seconds}
+        | {"seed": seed, "note": "too hard" if error is None else ""}
+        for seed, error in zip(SEEDS, errors, strict=True)
+    ]
+
+
+def front(*rows):
+    return fronts.fronts(rows, fronts.CRITERIA["angle"], "fastest")["FElupe"]
+
+
+def test_a_mesh_on_which_most_seeds_fail_refutes_coarser_ones():
+    coarse, failed = runs(4, 1.5, *5 * [0.5]), runs(8, 8.0, *5 * [None])
+    assert fronts.fastest(front(*coarse), 1.0).across == 4
+    assert fronts.fastest(front(*coarse, *failed), 1.0) is None
+
+
+def test_failed_seeds_have_an_infinite_error_in_the_median():
+    (point,) = front(*runs(4, 1.0, None, None, 0.1, 0.2, 0.3))
+    assert (point.seeds, point.within) == (3, 0.3)
+
+
+def test_a_front_has_ever_smaller_errors_for_ever_longer_times():
+    meshes = (
+        runs(4, 1.0, *5 * [0.5]),
+        runs(8, 2.0, *5 * [0.6]),
+        runs(16, 3.0, *5 * [0.1]),
+    )
+    points = front(*(row for rows in meshes for row in rows))
+    assert [(x.across, x.within) for x in points] == [(4, 0.6), (16, 0.1)]
+
+
 def test_fronts_are_drawn_at_the_median_times_and_errors():
     pytest.importorskip("matplotlib")
     rows = STUDY.stored(Path(__file__).parents[2] / "docs" / "error-time")
