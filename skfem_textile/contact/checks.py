@@ -8,11 +8,12 @@ from itertools import permutations
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
 from ..solve.on_surface import SurfaceError
 from ..solve.problem import OPPOSITE
-from .holder import Pressing, pressing
-from .obstacle import Obstacle, ToolContact, no_reach
+from .holder import contacts, pressing
+from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
 # Penetration relative to the size of the ply that is round-off, and most projections of
@@ -72,7 +73,7 @@ def check_tools(ply: Ply, moved: bool = False) -> None:
     Traceback (most recent call last):
     ValueError: tools 'punch' and 'die' leave no room for the ply at load factor 1: ...
     """
-    tools = [term for term in ply.terms if isinstance(term, ToolContact)]
+    tools = contacts(ply)
     if not tools:
         return
     for tool in tools:
@@ -147,9 +148,10 @@ def _refuse_crossing(
     node, most = int(nodes[depth.argmax()]), float(depth.max())
     raise ValueError(
         f"tools {one.name!r} and {other.name!r} leave no room for the ply at load "
-        f"factor {t:g}: {one.name!r} pushes node {node}, at {one.place(X[:, node])} in "
-        f"the undeformed ply, {most:.3g} mm into {other.name!r}: reduce the "
-        "travel, enlarge the opening, or move the tools apart"
+        f"factor {t:g}: {one.name!r} pushes node {node}, at "
+        f"{one._obstacle.place(X[:, node])} in the undeformed ply, {most:.3g} mm into "
+        f"{other.name!r}: reduce the travel, enlarge the opening, or move the tools "
+        "apart"
     )
 
 
@@ -179,7 +181,7 @@ def _size(ply: Ply) -> float:
     return float(np.ptp(ply.nodes, axis=1).max())
 
 
-def _refuse_asymmetric(ply: Ply, tools: Sequence[Pressing]) -> None:
+def _refuse_asymmetric(ply: Ply, tools: Sequence[ToolTerm]) -> None:
     """Refuse tools that are not symmetric, within reach of the ply, about its planes.
 
     The nodes are moved along with each tool and projected onto every tool.  The mirror
@@ -215,14 +217,13 @@ def _points_of(bare: Obstacle, x: ndarray, t: float, ply: Ply) -> ndarray:
 
 def _mirrored(ply: Ply, name: str, x: ndarray) -> ndarray:
     """Points mirrored at the plane of a straight boundary of a ply."""
-    mesh = ply.mesh
-    begin, end = mesh.p[:, mesh.facets[:, mesh.boundaries[name][0]]].T
-    n = np.array([begin[1] - end[1], end[0] - begin[0], 0.0]) / np.hypot(*(end - begin))
-    return np.asarray(x - 2 * n[:, None] * (n[:2] @ (x[:2] - begin[:, None])))
+    nodes, N = nodes_and_normal(ply.mesh, ply.mesh.boundaries[name])
+    off = N @ (x[:2] - ply.mesh.p[:, nodes[:1]])
+    return np.asarray(x - 2 * np.outer([*N, 0.0], off))
 
 
 def _refuse_off(
-    tool: Pressing, boundary: str, x: ndarray, off: ndarray, ply: Ply, t: float
+    tool: ToolTerm, boundary: str, x: ndarray, off: ndarray, ply: Ply, t: float
 ) -> None:
     """Refuse distances ``off`` of mirror images of x from the tool beyond rounding."""
     obstacle, allowed, worst = tool._obstacle, _ASYMMETRIC * _size(ply), off.argmax()

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
 from ..solve.quantities import Quantity
-from ..solve.result import Result
+from ..solve.result import Result, components_mm
 from ..solve.states import State
 from .gaps import (
     SmallestGap,
@@ -19,14 +20,9 @@ from .gaps import (
     touching,
     turn_on_tool,
 )
-from .holder import Pressing, contacts, flat_thickness, pressing
-from .obstacle import ToolContact
-from .risks import (
-    COARSE,
-    most_compressed,
-    share_of_area,
-    wrinkle_risk,
-)
+from .holder import contacts, flat_thickness, pressing
+from .obstacle import ToolContact, ToolTerm
+from .risks import COARSE, most_compressed, share_of_area, wrinkle_risk
 from .shape import areal_weight, draw_in, fibre_curvature
 
 # Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
@@ -67,9 +63,11 @@ def formed(result: Result) -> dict[str, Any]:
     stated = tools[0].stated
     history = tool_history(result)
     return {
-        **(last := _of_tools(result, history)),
-        **_of_whole_ply(ply, last),
-        **{f"{name}_penetration_mm": _depth(gap) for name, gap in gaps.items()},
+        **_of_tools(result, history),
+        **{
+            f"{name}_penetration_mm": max(-least.gap, 0.0) if least else 0.0
+            for name, least in gaps.items()
+        },
         **deepest,
         **_draw_in(ply, state.u),
         **_areal_weight(ply, state.u),
@@ -82,6 +80,9 @@ def formed(result: Result) -> dict[str, Any]:
         "first": [quantity.declared() for quantity in _first(result, deepest)],
     }
 
+
+# Cosine of the angle between two planes that is round-off: they are at right angles.
+_ACROSS = 1e-6
 
 #: Computed part of a ply by the number of its mirror images.
 PARTS = {2: "half", 4: "quarter"}
@@ -121,42 +122,32 @@ def mirror_images(ply: Ply) -> int:
     1 without planes; 2 for one plane, and 4 for two at right angles; 0 if the copies do
     not fit together.
     """
-    mesh = ply.mesh
-    names = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
-    ends = np.array([mesh.p[:, mesh.facets[:, mesh.boundaries[x][0]]] for x in names])
-    if len(names) == 2:
-        one, other = ends[..., 1] - ends[..., 0]
-        if abs(one @ other) > _ACROSS * np.linalg.norm(one) * np.linalg.norm(other):
-            return 0
-    return {0: 1, 1: 2, 2: 4}.get(len(names), 0)
-
-
-# Cosine of the angle between two planes that is round-off: they are at right angles.
-_ACROSS = 1e-6
+    planes = [
+        ply.mesh.boundaries[x] for x, end in ply.fibre_ends.items() if end == "mirror"
+    ]
+    normals = [nodes_and_normal(ply.mesh, edges)[1] for edges in planes]
+    if len(normals) == 2 and abs(normals[0] @ normals[1]) > _ACROSS:
+        return 0
+    return {0: 1, 1: 2, 2: 4}.get(len(normals), 0)
 
 
 def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float]:
-    """Last row of a history, and the half-widths of the forces in N."""
-    last = {name: column[-1].item() for name, column in history.items()}
+    """Last row of a history, half-widths of the forces, and forces on the whole ply.
+
+    The latter in N, if only a half or quarter of the ply is computed.
+    """
+    figures = {name: column[-1].item() for name, column in history.items()}
     along, known = np.abs(_along(result)), result.error.reactions
-    forces = {x.name: known[x.name] for x in pressing(result.ply) if x.name in known}
-    return last | {
-        f"{name}_force_N_half_width": float(along @ half)
-        for name, half in forces.items()
-    }
-
-
-def _of_whole_ply(ply: Ply, last: Mapping[str, float]) -> dict[str, float]:
-    """Tool forces on the whole ply, if only a half or quarter is computed."""
-    parts = mirror_images(ply)
-    if parts not in PARTS:
-        return {}
-    return {
-        f"{tool.name}_force_on_whole_ply_N{end}": parts * last[key]
-        for tool in pressing(ply)
-        for end in ("", "_half_width")
-        if (key := f"{tool.name}_force_N{end}") in last
-    }
+    names = [tool.name for tool in pressing(result.ply)]
+    for name in names:
+        if name in known:
+            figures[f"{name}_force_N_half_width"] = float(along @ known[name])
+    parts = mirror_images(result.ply)
+    for name in names if parts in PARTS else ():
+        for end in ("", "_half_width"):
+            if (key := f"{name}_force_N{end}") in figures:
+                figures[f"{name}_force_on_whole_ply_N{end}"] = parts * figures[key]
+    return figures
 
 
 def tool_history(result: Result) -> dict[str, ndarray]:
@@ -227,13 +218,9 @@ def _along(result: Result) -> ndarray:
     return longest / length if length > 0 else np.array([0.0, 0.0, 1.0])
 
 
-def travel(tool: Pressing, t: float) -> float:
+def travel(tool: ToolTerm, t: float) -> float:
     """Distance of a tool from its initial position at a load factor, in mm."""
     return float(np.linalg.norm(tool.travel(t)))
-
-
-def _depth(least: SmallestGap | None) -> float:
-    return 0.0 if least is None else max(-least.gap, 0.0)
 
 
 def _deepest(
@@ -245,11 +232,10 @@ def _deepest(
         return {"max_penetration_mm": 0.0}
     name, deepest = min(inside.items(), key=lambda item: item[1].gap)
     at = tools[0].stated(deepest.place[:, None])[:, 0]
-    places = zip("xyz", at.tolist(), strict=True)
     return {
         "max_penetration_mm": -deepest.gap,
         "max_penetration_tool": name,
-        **{f"max_penetration_at_{axis}_mm": x for axis, x in places},
+        **components_mm("max_penetration_at", at),
         "max_penetration_element": deepest.element,
     }
 
@@ -279,14 +265,13 @@ def _areal_weight(ply: Ply, u: ndarray) -> dict[str, float]:
     constant fibre volume fraction.
     """
     ratio, thickness = areal_weight(ply, u), flat_thickness(ply)
-    figures = {
-        "max_areal_weight_ratio": float(ratio.max()),
-        "min_areal_weight_ratio": float(ratio.min()),
-    }
+    fields = {"areal_weight_ratio": ratio}
     if thickness:
-        name = "thickness_at_constant_fibre_fraction_mm"
-        figures[f"max_{name}"] = thickness * float(ratio.max())
-        figures[f"min_{name}"] = thickness * float(ratio.min())
+        fields["thickness_at_constant_fibre_fraction_mm"] = thickness * ratio
+    figures: dict[str, float] = {}
+    for name, field in fields.items():
+        figures[f"max_{name}"] = float(field.max())
+        figures[f"min_{name}"] = float(field.min())
     return figures
 
 

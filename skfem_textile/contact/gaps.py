@@ -8,8 +8,7 @@ from numpy import ndarray
 from ..ply import Ply
 from ..solve.between_nodes import element_centres
 from ..solve.states import State
-from .holder import Pressing
-from .obstacle import ToolContact
+from .obstacle import ToolContact, ToolTerm
 from .risks import NO_FORCE, largest_turn, pressure_of
 
 
@@ -55,7 +54,7 @@ def smallest_gap(
     return SmallestGap(float(gap[least]), points[:, least], int(elements[least]))
 
 
-def tool_force(ply: Ply, tool: Pressing, state: State) -> ndarray:
+def tool_force(ply: Ply, tool: ToolTerm, state: State) -> ndarray:
     """Force of a tool or holder on a ply in N, shape (3,).
 
     Parameters as in `tool_pressure`.
@@ -67,7 +66,7 @@ def tool_force(ply: Ply, tool: Pressing, state: State) -> ndarray:
     return np.asarray(-ply.nodal(tool.residual(u, t, parameters)).sum(axis=1))
 
 
-def tool_pressure(ply: Ply, tool: Pressing, state: State) -> ndarray:
+def tool_pressure(ply: Ply, tool: ToolTerm, state: State) -> ndarray:
     """Pressure of a tool or holder on the nodes of a ply, in N/mm² of current area.
 
     Parameters
@@ -100,7 +99,7 @@ def touching(ply: Ply, contact: ToolContact, state: State) -> ndarray:
     return np.asarray(_in_contact(contact, state)[nodes].any(axis=0))
 
 
-def nodes_in_contact(tool: Pressing, state: State) -> int:
+def nodes_in_contact(tool: ToolTerm, state: State) -> int:
     """Number of nodes on which a tool or holder presses.
 
     Parameters as in `tool_pressure`.
@@ -108,19 +107,19 @@ def nodes_in_contact(tool: Pressing, state: State) -> int:
     return int(_in_contact(tool, state).sum())
 
 
-def _in_contact(tool: Pressing, state: State) -> ndarray:
+def _in_contact(tool: ToolTerm, state: State) -> ndarray:
     """Nodes on which a tool or holder presses: bool, shape (n_nodes,)."""
     force = _forces(tool, state)
     return np.asarray(force > NO_FORCE * force.max())
 
 
-def _forces(tool: Pressing, state: State) -> ndarray:
+def _forces(tool: ToolTerm, state: State) -> ndarray:
     """Normal forces on the contact points of nodes in N, shape (n_nodes,)."""
     _refuse_other(tool, state)
     return tool.forces(state.u, state.load_factor, state.parameters[tool.name])
 
 
-def _refuse_other(tool: Pressing, state: State) -> None:
+def _refuse_other(tool: ToolTerm, state: State) -> None:
     """Refuse a state of a ply without the tool, or of another mesh."""
     if tool.name not in state.parameters or state.u.size != 3 * tool.nodes.shape[1]:
         raise ValueError(

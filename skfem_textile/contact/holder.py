@@ -7,15 +7,14 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import csr_matrix
 from skfem import CellBasis
 
 from ..mesh.user_input import call_user_function, real_numbers
 from ..ply import Ply
 from ..ply.parameters import NO_VALUES, TermParameters, Values
-from ..ply.terms import ElementTerm
 from ..solve.on_surface import CheckedSurface
-from .obstacle import ContactPoints, Obstacle, ToolContact, placement
+from .obstacle import ContactPoints, Obstacle, ToolContact, ToolTerm, turned
+from .outline import shares_inside
 
 # Number of load factors at which a gap or pressure is validated before a run: every
 # 2.5 % of it.
@@ -52,9 +51,7 @@ class _PressedAreas(TermParameters):
         obstacle, areas = self._obstacle, self._integrals
         x = obstacle.X + u.reshape(-1, 3).T
         if self._outline is not None:
-            from .outline import shares_inside
-
-            rotation, translation = placement(obstacle.what, obstacle.motion, t)
+            rotation, translation = obstacle.placement(t)
             local = rotation.T @ (x - translation[:, None])
             corners = local[:2, : self._mesh.nvertices]
             areas = areas * shares_inside(self._outline, self._mesh, corners)
@@ -65,14 +62,12 @@ class _PressedAreas(TermParameters):
         return Values({"areas": areas})
 
 
-class HolderPressure(ElementTerm):
+class HolderPressure(ToolTerm):
     """Uniform pressure of a holder towards a surface; see `Holder`.
 
     The energy is Σ p A φ/‖∇φ‖ over the contact points of the nodes, with the areas A of
     the nodes under the holder.
     """
-
-    role = "load"
 
     def __init__(
         self,
@@ -81,9 +76,8 @@ class HolderPressure(ElementTerm):
         obstacle: Obstacle,
         basis: CellBasis,
     ) -> None:
-        self.name, self._pressure, self._obstacle = name, pressure, obstacle
-        self._points = ContactPoints(obstacle.X, basis)
-        self.nodes = self._points.nodes
+        super().__init__(name, obstacle, basis)
+        self._pressure = pressure
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
         self.parameters = self._pressed_areas = _PressedAreas(
             *(obstacle, basis, self._points)
@@ -103,12 +97,8 @@ class HolderPressure(ElementTerm):
         nodes, factors, rotation, local = self._nodes_under(u, t, p)
         K = np.zeros((3, 3, self.nodes.shape[1]))
         H = factors * self._surface.hessian(local)
-        K[..., nodes] = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
+        K[..., nodes] = turned(rotation, H)
         return self._points.matrices(K)
-
-    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
-        """Derivative of the residual."""
-        return self._points.tangent(self.matrices(u, t, p))
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Forces of the contact points towards the surface in N, shape (n_nodes,)."""
@@ -117,14 +107,6 @@ class HolderPressure(ElementTerm):
     def reaches(self, u: ndarray, t: float) -> bool:
         """True if it presses on a part of the ply, whatever its pressure."""
         return bool(self._pressed_areas.updated(NO_VALUES, u, t)["areas"].any())
-
-    def travel(self, t: float) -> ndarray:
-        """Translation from its initial position in mm, shape (3,)."""
-        return self._obstacle.travel(t)
-
-    def rotation(self, t: float) -> float:
-        """Angle of its rotation from its initial position in radians."""
-        return self._obstacle.rotation(t)
 
     def _on_points(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Derivative of the energy by the contact points, shape (n_nodes, 3)."""
@@ -139,7 +121,7 @@ class HolderPressure(ElementTerm):
         """Nodes under the holder, factors of φ, rotation, and nodes in its axes."""
         obstacle, nodes = self._obstacle, np.flatnonzero(p["areas"])
         factors = obstacle.side * self._pressure(t) * p["areas"][nodes]
-        rotation, translation = placement(obstacle.what, obstacle.motion, t)
+        rotation, translation = obstacle.placement(t)
         x = self._points.positions(u)[:, nodes]
         return nodes, factors, rotation, rotation.T @ (x - translation[:, None])
 
@@ -167,18 +149,14 @@ def _amount_at(
     return float(number)
 
 
-#: A tool, a holder that keeps a gap, or one that presses.
-Pressing: TypeAlias = ToolContact | HolderPressure
-
-
 def contacts(ply: Ply) -> list[ToolContact]:
     """Contacts of a ply with tools, and with holders that keep a gap."""
     return [term for term in ply.terms if isinstance(term, ToolContact)]
 
 
-def pressing(ply: Ply) -> list[Pressing]:
+def pressing(ply: Ply) -> list[ToolTerm]:
     """Contacts of a ply, and holders with a prescribed pressure."""
-    return [term for term in ply.terms if isinstance(term, Pressing)]
+    return [term for term in ply.terms if isinstance(term, ToolTerm)]
 
 
 def flat_thickness(ply: Ply) -> float:

@@ -23,12 +23,8 @@ from ..mesh.pattern import Pattern
 from ..mesh.recovery import contact_points, nodes_and_normal
 from ..mesh.user_input import call_user_function, coords, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
-from ..ply.terms import ContactTerm
-from ..solve.on_surface import (
-    CheckedSurface,
-    SurfaceError,
-    check_surface,
-)
+from ..ply.terms import ContactTerm, ElementTerm
+from ..solve.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..surfaces.surface import Surface
 from .outline import ROUND_OFF, crossing_edges, inside, is_flat
 
@@ -43,46 +39,6 @@ _LARGEST = 100.0
 # Number of intermediate positions of a node that are checked for being inside a tool, a
 # limit of work.
 _INTERMEDIATE = 8
-
-
-def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndarray]:
-    """Rotation matrix and translation of a motion at a load factor.
-
-    Raises
-    ------
-    ValueError
-        If the motion returns something else; the message begins with ``what``.
-    """
-    what = f"{what}: motion"
-    if motion is None:
-        return np.eye(3), np.zeros(3)
-    if callable(motion):
-        moved = call_user_function(what, motion, t)
-    else:
-        pair = isinstance(motion, tuple | list) and len(motion) == 2
-        final = np.empty(0) if pair else real_numbers(what, motion)
-        if final.shape != (3,):
-            raise ValueError(
-                f"{what} must be a final translation of three components; for a "
-                "rotation pass a function of the load factor that returns a rotation "
-                f"matrix and a translation, got {' '.join(repr(motion).split())}"
-            )
-        moved = t * final
-    pair = isinstance(moved, tuple) and len(moved) == 2
-    rotation, translation = moved if pair else (np.eye(3), moved)
-    rotation = real_numbers(what, rotation)
-    translation = real_numbers(what, translation)
-    if rotation.shape != (3, 3) or translation.shape != (3,):
-        raise ValueError(
-            f"{what} must be a translation of three components, or a rotation "
-            f"matrix and a translation, got {' '.join(repr(moved).split())}"
-        )
-    if not np.isfinite(translation).all():
-        raise ValueError(f"{what} is not finite at load factor {t:g}")
-    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
-        raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")
-    return rotation, translation
 
 
 class Gaps(NamedTuple):
@@ -161,31 +117,53 @@ class Obstacle:
         X = np.pad(node_positions(basis), ((0, 1), (0, 0)))
         refuse_extent(what, tool.surface, basis.mesh)
         check_surface(what, tool.surface, X)
-        for t in (0.0, 1.0):
-            placement(what, tool.motion, t)
         outline = _corners(what, tool.outline)
         side = tool.side or 1
         obstacle = cls(
             *(what, tool.surface, tool.motion, X, side, half, outline, reach),
             tool.stated,
         )
+        for t in (0.0, 1.0):
+            obstacle.placement(t)
         if tool.side is None:
             return replace(obstacle, side=obstacle._side_at_rest())
         return obstacle
 
-    def travel(self, t: float) -> ndarray:
-        """Translation from the initial position in mm, shape (3,)."""
-        (_, first), (_, now) = (placement(self.what, self.motion, x) for x in (0.0, t))
-        return now - first
+    def placement(self, t: float) -> tuple[ndarray, ndarray]:
+        """Rotation matrix and translation at a load factor.
 
-    def rotation(self, t: float) -> float:
-        """Angle of the rotation from the initial position in radians, at most π.
-
-        From ‖R − R₀‖² = 8 sin²(θ/2), which is accurate for small angles too.
+        Raises
+        ------
+        ValueError
+            If the motion returns something else.
         """
-        (first, _), (now, _) = (placement(self.what, self.motion, x) for x in (0.0, t))
-        sine = np.linalg.norm(now - first) / np.sqrt(8)
-        return 2 * float(np.arcsin(min(sine, 1.0)))
+        what, motion = f"{self.what}: motion", self.motion
+        if motion is None:
+            return np.eye(3), np.zeros(3)
+        moved: Any = motion
+        if callable(motion):
+            moved = call_user_function(what, motion, t)
+        pair = isinstance(moved, tuple | list) and len(moved) == 2
+        rotation, translation = moved if pair else (np.eye(3), moved)
+        rotation = real_numbers(what, rotation)
+        translation = real_numbers(what, translation)
+        known = translation.shape == (3,) and rotation.shape == (3, 3)
+        if not known or (pair and not callable(motion)):
+            raise ValueError(
+                f"{what} must be a final translation of three components, or a "
+                "function of the load factor that returns a translation, or a rotation "
+                f"matrix and a translation, got {' '.join(repr(moved).split())}"
+            )
+        if not callable(motion):
+            translation = t * translation
+        if not np.isfinite(translation).all():
+            raise ValueError(f"{what} is not finite at load factor {t:g}")
+        off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+        if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
+            raise ValueError(
+                f"{what}: the matrix at load factor {t:g} is not a rotation"
+            )
+        return rotation, translation
 
     def gaps(self, x: ndarray, t: float) -> Gaps:
         """Gaps of points, shape (3, n).
@@ -196,7 +174,7 @@ class Obstacle:
             If level or gradient of the surface is not finite at a point that the tool
             may touch.
         """
-        rotation, translation = placement(self.what, self.motion, t)
+        rotation, translation = self.placement(t)
         local = rotation.T @ (x - translation[:, None])
         near, unit = self._near(local)
         level, gradient = self._first_order(local[:, near])
@@ -239,13 +217,13 @@ class Obstacle:
 
         Shapes (3, n) and (3, 3, n).
         """
-        rotation, translation = placement(self.what, self.motion, t)
+        rotation, translation = self.placement(t)
         surface, local = CheckedSurface(self.what, self.surface), at.local[:, nodes]
         H = surface.hessian(local)
         x = rotation @ local + translation[:, None]
         self._refuse_undefined("hessian", H.reshape(9, -1), x)
         H = H * (self._sign / at.slope[nodes])
-        H = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
+        H = turned(rotation, H)
         n = at.normal[:, nodes]
         turn = np.einsum("ijn,jn->in", H, n)  # zero if φ is a distance
         both = n[:, None] * turn + turn[:, None] * n
@@ -292,15 +270,20 @@ class Obstacle:
                 f"{self.what}: the surface is in the plane of the undeformed ply, so "
                 "that its side is not known: specify side=1 or side=-1"
             )
-        if min(above, below) > ROUND_OFF * size:
-            depth = np.maximum(-distance if above > below else distance, 0.0)
-            node = int(depth.argmax())
+        side = 1 if above > below else -1
+        if (depth := min(above, below)) > ROUND_OFF * size:
+            node = int((side * distance).argmin())
             raise ValueError(
                 f"{self.what} crosses the undeformed ply: node {node} at "
-                f"{self.place(self.X[:, node])} is {depth[node]:.3g} mm inside it: "
-                "move the tool, or specify its side"
+                f"{self.place(self.X[:, node])} is {depth:.3g} mm inside it: move the "
+                "tool, or specify its side"
             )
-        return 1 if above > below else -1
+        return side
+
+
+def turned(rotation: ndarray, H: ndarray) -> ndarray:
+    """Second derivatives in turned axes, shape (3, 3, n)."""
+    return np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
 
 
 def refuse_extent(what: str, surface: Surface, mesh: Mesh) -> None:
@@ -326,13 +309,13 @@ def refuse_extent(what: str, surface: Surface, mesh: Mesh) -> None:
     extent = float(np.ptp(surface.facets.points, axis=1).max())
     edges = np.diff(mesh.p[:, mesh.facets], axis=1)
     element, size = float(np.hypot(*edges).max()), float(np.ptp(mesh.p, axis=1).max())
-    off = ""
     if extent < 2 * element:
         off = f"less than two elements of the ply, {element:.3g} mm each"
     elif extent > _LARGEST * size:
         off = f"over {_LARGEST:g} times the size of the ply, {size:.3g} mm"
-    if off:
-        raise ValueError(f"{what} extends over {extent:.3g} mm, {off}: check its unit")
+    else:
+        return
+    raise ValueError(f"{what} extends over {extent:.3g} mm, {off}: check its unit")
 
 
 def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
@@ -353,11 +336,6 @@ def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
     if is_flat(corners):
         raise ValueError(f"{what}: the outline encloses no area")
     return corners
-
-
-def node_areas(basis: CellBasis) -> ndarray:
-    """Integral of the shape function of each node in mm², shape (n_nodes,)."""
-    return asm(LinearForm(lambda v, w: v[0]), basis)[:: components(basis)]
 
 
 class ContactPoints:
@@ -435,6 +413,46 @@ def _padded(points: csr_matrix) -> tuple[ndarray, ndarray]:
     return points.indices[at], np.where(within < size, points.data[at], 0.0)
 
 
+class ToolTerm(ElementTerm):
+    """Term of a tool, whose forces act on the contact points of a ply.
+
+    Attributes
+    ----------
+    nodes
+        Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
+    """
+
+    role = "load"
+
+    def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
+        self.name, self._obstacle = name, obstacle
+        self._points = ContactPoints(obstacle.X, basis)
+        self.nodes = self._points.nodes
+
+    def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """Normal forces on the contact points in N, shape (n_nodes,)."""
+        raise NotImplementedError
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
+        """Derivative of the residual with the parameters held fixed."""
+        matrices = self.matrices(u, t, p)
+        return None if matrices is None else self._points.tangent(matrices)
+
+    def travel(self, t: float) -> ndarray:
+        """Translation from the initial position in mm, shape (3,)."""
+        (_, first), (_, now) = map(self._obstacle.placement, (0.0, t))
+        return now - first
+
+    def rotation(self, t: float) -> float:
+        """Angle of the rotation from the initial position in radians, at most π.
+
+        From ‖R − R₀‖² = 8 sin²(θ/2), which is accurate for small angles too.
+        """
+        (first, _), (now, _) = map(self._obstacle.placement, (0.0, t))
+        sine = np.linalg.norm(now - first) / np.sqrt(8)
+        return 2 * float(np.arcsin(min(sine, 1.0)))
+
+
 class _ContactForces(TermParameters):
     """Contact forces and stiffnesses; no contact at rest."""
 
@@ -454,22 +472,19 @@ class _ContactForces(TermParameters):
         return Values({**values, "force": force})
 
 
-class ToolContact(ContactTerm):
+class ToolContact(ToolTerm, ContactTerm):
     """Contact of a ply with a `Tool`.
 
     Attributes
     ----------
-    nodes
-        Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
     areas
         Integral of the shape function of each node in mm², shape (n_nodes,).
     """
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
-        self.name, self._obstacle = name, obstacle
-        self.areas = node_areas(basis)
-        self._points = ContactPoints(obstacle.X, basis)
-        self.points, self.nodes = self._points.matrix, self._points.nodes
+        super().__init__(name, obstacle, basis)
+        self.points = self._points.matrix
+        self.areas = asm(LinearForm(lambda v, w: v[0]), basis)[::3]
         self._takes_part = self.areas > ROUND_OFF * self.areas.max()
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
@@ -477,18 +492,6 @@ class ToolContact(ContactTerm):
     def stated(self, x: ndarray) -> ndarray:
         """Positions, shape (3, n), in the axes of messages, see `Tool`."""
         return self._obstacle.stated(x)
-
-    def place(self, position: ndarray) -> str:
-        """Position in a message, given in the axes of the ply, shape (3,)."""
-        return self._obstacle.place(position)
-
-    def travel(self, t: float) -> ndarray:
-        """See `ContactTerm.travel`."""
-        return self._obstacle.travel(t)
-
-    def rotation(self, t: float) -> float:
-        """See `ContactTerm.rotation`."""
-        return self._obstacle.rotation(t)
 
     @property
     def thickness(self) -> float:
@@ -561,11 +564,6 @@ class ToolContact(ContactTerm):
             K[..., nodes] -= p["force"][nodes] * H
         return self._points.matrices(self._points.along_planes(K))
 
-    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
-        """Derivative of the residual at forces λ."""
-        matrices = self.matrices(u, t, p)
-        return None if matrices is None else self._points.tangent(matrices)
-
     def passed(self, u_0: ndarray, t_0: float, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.passed`.
 
@@ -573,8 +571,9 @@ class ToolContact(ContactTerm):
         an opposite normal, through the inside of the tool.
         """
         before, after = self._at(u_0, t_0), self._at(u, t)
-        (turned, _), (rotation, translation) = map(self._placement, (t_0, t))
-        normals = rotation @ turned.T @ before.normal, after.normal
+        places = map(self._obstacle.placement, (t_0, t))
+        (earlier, _), (rotation, translation) = places
+        normals = rotation @ earlier.T @ before.normal, after.normal
         opposite = (normals[0] * normals[1]).sum(axis=0) < 0
         nodes = np.flatnonzero(opposite & self._takes_part)
         if not nodes.size:
@@ -585,9 +584,6 @@ class ToolContact(ContactTerm):
             x = rotation @ local[:, nodes] + translation[:, None]
             depth = np.maximum(depth, -self._obstacle.gaps(x, t).gap)
         return nodes[depth > ROUND_OFF * np.ptp(self._obstacle.X)]
-
-    def _placement(self, t: float) -> tuple[ndarray, ndarray]:
-        return placement(self._obstacle.what, self._obstacle.motion, t)
 
     def _at(self, u: ndarray, t: float) -> Gaps:
         """Gaps of the contact points at a displacement; the last one is kept."""

@@ -12,7 +12,7 @@ from ..solve.states import State
 from ..surfaces.surface import OffSurfaceError, Surface, onto
 from ..surfaces.tool_mesh import triangles_within
 from .holder import contacts
-from .obstacle import ToolContact, placement
+from .obstacle import ToolContact
 from .outline import inside, nearest
 
 # Margin around a ply relative to the diagonal of its box, and number of cubes along the
@@ -92,7 +92,7 @@ def _placed(
 ) -> Iterator[PlacedTool]:
     """A tool at each load factor; its surface is triangulated once."""
     obstacle = contact._obstacle
-    places = [placement(obstacle.what, obstacle.motion, t) for t in factors]
+    places = [obstacle.placement(t) for t in factors]
     corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1)
     local = np.hstack([turn.T @ (corners - moved[:, None]) for turn, moved in places])
     x, triangles, normals = triangles_within(

@@ -117,21 +117,6 @@ def of_summary(*keys: str, out: str = OUT) -> Reader:
     return read
 
 
-def numbers_after(*words: str) -> Reader:
-    """Read the numbers printed after each word; keys are the word and an index."""
-
-    def read(folder: Path, printed: str) -> Results:
-        results: dict[str, float] = {}
-        for word in words:
-            found = re.findall(rf"{re.escape(word)}\s+({_NUMBER})", printed)
-            if not found:
-                raise ValueError(f"no number after {word!r} in:\n{printed}")
-            results |= {f"{word}, {i}": float(x) for i, x in enumerate(found, start=1)}
-        return results
-
-    return read
-
-
 def printed_numbers(*names: str) -> Reader:
     """Read all numbers of the last printed line."""
 

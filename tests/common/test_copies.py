@@ -65,7 +65,6 @@ def on_mesh(formulation=None, fabric=STEEP, conditions=HELD, terms=(), **ply):
 
 
 STEPPERS = {
-    "turned strip": lambda: in_scene(scenes.strip(size=(2, 3)).rotated(0.3)),
     "trellis": lambda: in_scene(
         scenes.trellis(size=(2, 2), edges={"top": 0.3, "left": "free"})
     ),
@@ -74,11 +73,6 @@ STEPPERS = {
     ),
     "tensioned": lambda: in_scene(
         scenes.hemisphere(size=(2, 2), part="whole", tension=0.2)
-    ),
-    "double dome": lambda: in_scene(scenes.double_dome(size=(3, 2))),
-    "forming": lambda: in_scene(
-        scenes.hemisphere_forming("aligned", travel=0.3, size=(2, 2)),
-        bending=(5.0, 5.0),
     ),
     "macro": lambda: on_mesh(Macro()),
     "quadratic": lambda: on_mesh(Quadratic(400, points=6)),
@@ -117,17 +111,7 @@ def assert_same(result, other, one=None):
     np.testing.assert_allclose(*fields, atol=1e-9)
 
 
-#: Made of the kinds of objects of the others.
-SIMILAR = {"double dome", "forming", "turned strip"}
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * (name in SIMILAR))
-        for name in STEPPERS
-    ],
-)
+@pytest.mark.parametrize("name", STEPPERS)
 def test_results_and_steppers_are_copied(name):
     stepper = STEPPERS[name]()
     result = stepper.run()

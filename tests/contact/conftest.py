@@ -10,6 +10,7 @@ from skfem_textile import (
     Fabric,
     Holder,
     LoadStepper,
+    Macro,
     Newton,
     Ply,
     StepError,
@@ -24,36 +25,45 @@ SIDE, RADIUS, GAP = 60.0, 30.0, 0.3
 MIRRORS = {"left": "mirror", "bottom": "mirror"}
 
 
-def quarter(motion, cells=4):
-    """Quarter of a ply over a hemispherical punch, on a plate that holds it down."""
-    x = np.linspace(0, SIDE, cells + 1)
-    mesh = MeshQuad.init_tensor(x, x).with_defaults()
+SYMMETRY = {
+    "x": Condition("left", (0.0, None, None)),
+    "y": Condition("bottom", (None, 0.0, None)),
+}
+
+
+def blank(cells=3, fibres=0.0, terms=(), formulation=None, bending=5.0, tension=0.2):
+    """Quarter of a blank with two planes of symmetry."""
+    s = np.linspace(0, SIDE, cells + 1)
+    mesh = MeshQuad.init_tensor(s, s).with_defaults()
+    c, n = np.cos(fibres), np.sin(fibres)
+    fabric = Fabric(1e4, 0.1, (c, n), (-n, c), bending=(bending, bending))
+    loads = [
+        Traction("right", (tension, 0, 0), factor=1.0),
+        Traction("top", (0, tension, 0), factor=1.0),
+    ]
+    return Ply(
+        *(mesh, fabric, formulation or Macro()),
+        terms=[*loads, *terms],
+        dimension=3,
+        fibre_ends=MIRRORS,
+    )
+
+
+def over_punch(motion, cells=4):
+    """Ply over a hemispherical punch, on a plate that holds it down."""
     t = np.linspace(0, 2 * np.pi, 41)
     ring = np.hstack([r * np.array([np.cos(t), np.sin(t)]) for r in (200.0, 38.0)])
     punch = Tool(drape.Sphere(RADIUS, (0, 0, -RADIUS - GAP / 2)), motion, name="punch")
     plate = drape.Plane((0, 0, GAP / 2))
     die = Tool(plate, side=-1, outline=ring, name="die")
     holder = Holder(plate, gap=GAP, side=-1, outline=ring, name="holder")
-    pull = [
-        Traction(edge, force, factor=1.0, name=edge)
-        for edge, force in (("right", (0.2, 0, 0)), ("top", (0, 0.2, 0)))
-    ]
-    return Ply(
-        mesh,
-        Fabric(1e4, 0.1, bending=(5.0, 5.0)),
-        terms=[*pull, punch, die, holder],
-        dimension=3,
-        fibre_ends=MIRRORS,
-    ), {
-        "x": Condition("left", (0.0, None, None)),
-        "y": Condition("bottom", (None, 0.0, None)),
-    }
+    return blank(cells, terms=[punch, die, holder]), SYMMETRY
 
 
 @pytest.fixture(scope="session")
 def hemisphere():
     """Formed to 15 mm in three steps."""
-    return LoadStepper(*quarter((0.0, 0.0, 15.0)), steps=3).run()
+    return LoadStepper(*over_punch((0.0, 0.0, 15.0)), steps=3).run()
 
 
 @pytest.fixture(scope="session")
@@ -65,7 +75,7 @@ def stopped():
 
     few = Newton(most=2)
     with pytest.raises(StepError) as caught:
-        LoadStepper(*quarter(motion, 3), steps=2, max_halvings=0, method=few).run()
+        LoadStepper(*over_punch(motion, 3), steps=2, max_halvings=0, method=few).run()
     return caught.value
 
 

@@ -54,7 +54,6 @@ def lid(height):
     "scene",
     [
         hemisphere_forming(radius=40.0, travel=90.0),  # deeper than the sphere
-        hemisphere_forming(radius=120.0, fillet=5.0, width=500.0, height=500.0),
         hemisphere_forming(gap=0.0),
         double_dome_forming(gap=0.05),
     ],
@@ -101,11 +100,7 @@ def test_no_room_at_the_beginning_is_refused():
         check_tools(ply(low, holder))
 
 
-HELD = {"left": Condition("left")}
-
-
-@pytest.mark.parametrize("travel", [20.0, 30.0])
-def test_a_punch_larger_than_the_hole_of_its_die_is_refused(travel):
+def test_a_punch_larger_than_the_hole_of_its_die_is_refused():
     """Beside the punch, below the die, there is room; the tools cross nevertheless.
 
     A sphere of radius 30 in a hole of radius 20: it stops where both are 20 wide.
@@ -114,7 +109,7 @@ def test_a_punch_larger_than_the_hole_of_its_die_is_refused(travel):
     holder = Holder(drape.Plane((0, 0, 0.2)), gap=0.4, side=-1, name="holder")
     message = "tools 'punch' and 'die' leave no room .* pushes node .* mm into 'die'"
     with pytest.raises(ValueError, match=message) as error:
-        check_tools(ply(punch(travel), die, holder))
+        check_tools(ply(punch(30.0), die, holder))
     assert "\n" not in str(error.value)
     check_tools(ply(punch(30 - 500**0.5), die, holder))
 
@@ -162,10 +157,7 @@ def test_a_tool_in_the_middle_of_its_motion_is_found():
     ("tool", "boundary"),
     [
         (Tool(drape.Sphere(30.0, (0.5, 0, -30.2)), UP), "left"),
-        (Tool(drape.Sphere(30.0, (0, 0.5, -30.2)), UP), "bottom"),
-        (Tool(drape.Cylinder(30.0, (0, 0, -30.2), (0.02, 1, 0)), UP), "left"),
         (Tool(drape.Plane((0, 0, -1), (0, 0.01, 1)), UP, side=1), "bottom"),
-        (Tool(drape.Die(34.0, 6.0, (0, -1, 0.2)), (0, 0, -8.0)), "bottom"),
         (Tool(drape.Sphere(30.0, (0, 0, -30.2)), (2.0, 0, 8.0)), "left"),
         (
             Holder(drape.Sphere(300.0, (9, 0, -301)), pressure=0.1, outline=SHEET),

@@ -11,7 +11,7 @@ from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.interval import work_of
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem, Tangent
-from tests.contact.conftest import quarter
+from tests.contact.conftest import over_punch
 
 EDGES = {name: Condition(name) for name in ("left", "right", "top", "bottom")}
 
@@ -75,7 +75,7 @@ def test_the_interval_contains_the_force_of_a_finer_mesh(pushed):
 
 def test_the_largest_angle_is_recovered_with_an_interval(hemisphere):
     key = "recovered_max_shear_angle_deg"
-    finer = LoadStepper(*quarter((0.0, 0.0, 15.0), 6), steps=1).run().summary()
+    finer = LoadStepper(*over_punch((0.0, 0.0, 15.0), 6), steps=1).run().summary()
     summary = hemisphere.summary()
     half = summary[f"{key}_half_width"]
     assert abs(summary[key] - finer[key]) < half < 10

@@ -120,6 +120,7 @@ def test_a_centre_places_the_ply_in_the_axes_of_the_tools(scene):
         assert np.allclose(a.stated(here), there)
 
 
+@pytest.mark.dear("a run over the full travel of 60 mm")
 def test_a_double_dome_is_formed_to_its_full_travel():
     scene = double_dome_forming(size=(3, 2))
     result = case(scene, formulation=OnePoint()).run()

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
-from skfem import MeshQuad
 
 from skfem_textile import (
     BodyForce,
     Condition,
-    Fabric,
     Holder,
     LoadStepper,
     Macro,
@@ -22,40 +20,16 @@ from skfem_textile import (
     Quadratic,
     StepError,
     Tool,
-    Traction,
     Values,
     drape,
 )
 from skfem_textile.contact.figures import formed as figures_of
 from skfem_textile.solve.on_surface import SurfaceError
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
+from tests.contact.conftest import GAP, SIDE, SYMMETRY, blank
+from tests.helpers import graph
 
-SIDE, RADIUS, GAP, TRAVEL = 60.0, 40.0, 0.3, 15.0
-
-
-def blank(cells=3, fibres=0.0, terms=(), formulation=None, bending=5.0, tension=0.2):
-    """Quarter of a blank with two planes of symmetry."""
-    s = np.linspace(0, SIDE, cells + 1)
-    mesh = MeshQuad.init_tensor(s, s).with_defaults()
-    c, n = np.cos(fibres), np.sin(fibres)
-    fabric = Fabric(1e4, 0.1, (c, n), (-n, c), bending=(bending, bending))
-    loads = [
-        Traction("right", (tension, 0, 0), factor=1.0),
-        Traction("top", (0, tension, 0), factor=1.0),
-    ]
-    return Ply(
-        *(mesh, fabric),
-        *(() if formulation is None else (formulation,)),
-        terms=[*loads, *terms],
-        dimension=3,
-        fibre_ends={"left": "mirror", "bottom": "mirror"},
-    )
-
-
-SYMMETRY = {
-    "x": Condition("left", (0.0, None, None)),
-    "y": Condition("bottom", (None, 0.0, None)),
-}
+RADIUS, TRAVEL = 40.0, 15.0
 
 
 def punch(motion=(0, 0, TRAVEL), **options):
@@ -143,19 +117,13 @@ def test_formulations_agree():
 
 def test_triangles_form_like_the_surface(state):
     """A punch of triangles of 4.5 mm, open at its rim."""
-    n = 20
-    s = np.linspace(-45.0, 45.0, n + 1)
-    x, y = (a.ravel() for a in np.meshgrid(s, s))
-    z = np.sqrt(np.maximum(RADIUS**2 - x**2 - y**2, 0)) - RADIUS - GAP / 2
-    k = np.add.outer((n + 1) * np.arange(n), np.arange(n)).ravel()
-    t = np.hstack([[k, k + 1, k + n + 2], [k, k + n + 2, k + n + 1]])
-    t = t[:, (np.hypot(x, y)[t] < RADIUS - 4).all(axis=0)]
-    tool = Tool(
-        drape.TriangleMesh(np.array([x, y, z]), t),
-        motion=(0, 0, TRAVEL),
-        name="punch",
+    x, t = graph(
+        np.linspace(-45.0, 45.0, 21),
+        lambda x, y: np.sqrt(np.maximum(RADIUS**2 - x**2 - y**2, 0)) - RADIUS - GAP / 2,
     )
-    result = LoadStepper(blank(terms=[tool, ring(GAP / 2)]), SYMMETRY, steps=1).run()
+    t = t[:, (np.hypot(*x[:2])[t] < RADIUS - 4).all(axis=0)]
+    punch = Tool(drape.TriangleMesh(x, t), motion=(0, 0, TRAVEL), name="punch")
+    result = LoadStepper(blank(terms=[punch, ring(GAP / 2)]), SYMMETRY, steps=1).run()
     forces = [x.states[-1].reactions["punch"][2] for x in (state, result)]
     assert forces[0] == pytest.approx(forces[1], rel=0.01)
     angles = [np.degrees(x.ply.shear_angle(x.u)) for x in (state, result)]
@@ -367,6 +335,7 @@ def test_the_gradient_of_a_gap_depends_on_the_distance():
         ends = (term.gaps(u + sign * h.ravel(), 1.0) for sign in (1, -1))
         difference[k] = np.subtract(*ends) / 2e-5
     normal = term.normals(u, 1.0)
+    assert (normal * gradient).sum(axis=0) == pytest.approx(1.0, rel=1e-9)
     off, turned = gradient - difference, normal - difference
     for error in off, turned:  # along the surface; across it the gap is a distance
         error -= normal * (normal * error).sum(axis=0)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from studies.commands import documented
 from studies.commands.documented import DOCUMENTED, IMPORTS, STRETCHED, Documented
 from studies.commands.study import STUDY
 
@@ -87,32 +86,6 @@ def test_estimates_of_the_load_lost_to_fibre_stretch_are_within_a_third(stored):
     for name in STRETCHED:
         measured = values[name, "measured"]
         assert values[name, "estimate"] == pytest.approx(measured, rel=1 / 3), name
-
-
-def test_tables_of_some_cases_agree_with_whole_tables(stored):
-    some = [row for row in stored if "hole" in row["case"]]
-    assert set(STUDY.tables(some)) == {"commands.csv", "hole.md"}
-    assert STUDY.figures(some) == {}
-    whole_tables = STUDY.tables(stored)
-    assert set(whole_tables) == set(STUDY.files)
-    assert STUDY.tables(some)["hole.md"] == whole_tables["hole.md"]
-
-
-def test_a_failing_command_raises_its_message(monkeypatch):
-    case = Documented("README.md", "python examples/none.py", documented.table_of_strip)
-    monkeypatch.setitem(DOCUMENTED, "none", case)
-    with pytest.raises(RuntimeError, match=r"examples/none\.py"):
-        STUDY.examine("none")
-
-
-def test_output_without_the_expected_numbers_raises():
-    read = documented.numbers_after("force:")
-    assert read(ROOT, "force: 10.10 N\nforce: -7e-2 N") == {
-        "force:, 1": 10.1,
-        "force:, 2": -0.07,
-    }
-    with pytest.raises(ValueError, match="no number after 'force:'"):
-        read(ROOT, "force: None")
 
 
 def test_commands_find_the_files_offered_by_their_page():

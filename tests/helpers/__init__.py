@@ -2,11 +2,11 @@
 
 import errno
 import os
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
 import shapely
+from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
 from skfem import BilinearForm, Functional, LinearForm, MeshQuad, MeshTri
 
@@ -79,18 +79,6 @@ FORMULATIONS_ON_MESHES = {
     "quadratic": (Quadratic(), "delaunay"),
     "quadratic, mean": (Quadratic(80.0), "delaunay"),
 }
-
-
-def table_cells(text, *names):
-    """The cells of the line of a table of a study that begins with these names."""
-    rows = ([c.strip() for c in line.split("|")[1:-1]] for line in text.splitlines())
-    (line,) = (line for line in rows if line[: len(names)] == list(names))
-    return line[len(names) :]
-
-
-def drawable(study):
-    """The pictures of a study; none if packages for drawing are missing."""
-    return study.pictures if find_spec("matplotlib") and find_spec("pyvista") else ()
 
 
 def derivative(function, x, direction, step=1e-5):
@@ -167,23 +155,14 @@ def graded_along_fibres(width, theta, n, smallest) -> MeshTri:
     where their distance is this fraction of half a fibre across the ply.
     """
     c, s = np.cos(theta), np.sin(theta)
-    steps = _geometric_lengths(n, smallest)
+    ratio = brentq(lambda r: smallest * (r ** np.arange(n)).sum() - 0.5, 1.0, 100.0)
+    steps = ratio ** np.arange(n)
+    steps *= 0.5 / steps.sum()
     third = np.cumsum([0.0, *steps, *steps[::-1]])
     lines = np.unique(np.concatenate([third, third + 1, third + 2]).round(12))
     outline = shapely.box(0, 0, width, 2 * width * s / c)
     A = width / (2 * c) * np.array([[c, -c], [s, s]])
     return MeshTri(*cut_cells(outline, A, lines, lines - 1))
-
-
-def _geometric_lengths(n, smallest):
-    """n lengths in geometric progression from the smallest, with the sum 1/2."""
-    low, high = 1.0, 100.0
-    for _ in range(100):
-        ratio = (low + high) / 2
-        too_long = smallest * np.sum(ratio ** np.arange(n)) > 0.5
-        low, high = (low, ratio) if too_long else (ratio, high)
-    steps = low ** np.arange(n)
-    return 0.5 * steps / steps.sum()
 
 
 class Coupled(BiaxialLaw):

@@ -44,12 +44,8 @@ class Law(NamedTuple):
     at_rest: float
 
 
-class Biaxial(NamedTuple):
+class Biaxial(Law):
     """A law of both fibre strains: its energy, tensions, and their slope at rest."""
-
-    energy: Callable
-    value: Callable
-    at_rest: float
 
 
 def laws_of_families(cloth, strains):

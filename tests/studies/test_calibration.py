@@ -1,10 +1,7 @@
-import csv
-
 import numpy as np
 import pytest
 
 from skfem_textile.calibration import BiasExtension
-from studies.__main__ import main
 from studies.laws.calibration import study
 from studies.laws.calibration.cases import (
     BENCHMARK,
@@ -31,15 +28,6 @@ def folder(tmp_path):
         name = f"glass_plain_{width:g}_{height:g}.csv"
         (tmp_path / name).write_text("\n".join(lines))
     return tmp_path
-
-
-def test_the_benchmark_needs_its_curves(tmp_path):
-    names = [STUDY.name(case) for case in all_cases(None)]
-    assert sum(name.startswith("inverse: 12 across") for name in names) == 10
-    bands = [case for case in all_cases(None) if isinstance(case, Coverage)]
-    assert {case.seeds for case in bands} == {1000}
-    with pytest.raises(FileNotFoundError, match="glass_plain_115_230"):
-        all_cases(tmp_path)
 
 
 def test_noise_is_2_percent_of_the_largest_force_and_independent():
@@ -98,22 +86,6 @@ def test_missed_targets_are_reported():
         assert study.missed([{"task": task, key: -0.99 * most}]) == []
         assert len(study.missed([{"task": task, key: -1.01 * most}])) == 1
         assert len(study.missed([{"task": task, key: np.nan}])) == 1
-
-
-def test_the_study_writes_its_report(tmp_path, monkeypatch, folder, capsys):
-    some = [Coverage("frame", "linear", seeds=40), Benchmark(115.0, 230.0, folder)]
-    monkeypatch.setattr(study, "all_cases", lambda benchmark: some)
-    out = tmp_path / "out"
-    assert main(["calibration", "--out", str(out), "--no-render"]) == 1
-    assert "target(s) missed" in capsys.readouterr().err  # it is another law
-    assert {p.name for p in out.iterdir()} == {*STUDY.files, "provenance.json"}
-    with open(out / "calibration.csv") as file:
-        (line,) = csv.DictReader(file)
-    assert line["seeds"] == "40"
-    assert "115 × 230 | 40 | 0.0140" in (out / "benchmark.md").read_text()
-    rows = STUDY.stored(out)
-    assert {row["case"] for row in rows} == {str(case) for case in some}
-    assert STUDY.tables(rows)["benchmark.md"] == (out / "benchmark.md").read_text()
 
 
 def test_files_of_the_benchmark_are_unchanged_without_its_curves(folder):

@@ -8,7 +8,7 @@ import pytest
 from skfem_textile.outlines import net, outline, rings
 from studies.constants.replacing import Constant, constants, read_by, replaced
 from studies.constants.scenes import SCENES, Scene
-from studies.constants.study import Case, effects, ended
+from studies.constants.study import Case, effects
 
 LISTED = {str(constant): constant for constant in constants(("outlines",))}
 SHORTEST = LISTED["outlines.net._SHORTEST"]
@@ -19,11 +19,6 @@ def test_constants_have_their_value_and_the_first_sentence_of_their_comment():
     meaning = LISTED["outlines.meshing._SIZE"].meaning
     assert meaning == "Default size of triangles relative to √area"
     assert "outlines.net._SAMPLES" not in LISTED  # an array
-
-
-def test_names_of_one_assignment_share_its_comment():
-    one, other = (LISTED[f"outlines.meshing.{x}"] for x in ("_LARGEST", "_GROWTH"))
-    assert one.meaning == other.meaning != ""
 
 
 def test_integers_are_rounded_and_tuples_are_scaled_as_a_whole():
@@ -79,25 +74,3 @@ def test_a_case_reports_changes_of_its_scenes(monkeypatch):
     table = effects(rows, "outlines")
     assert "| `outlines.net._SHORTEST` | 0.25 |" in table
     assert "made fails |" in table
-
-
-def test_a_constant_changes_a_scene_that_reads_it():
-    (scene,) = (x for x in SCENES["outlines"] if x.name == "net")
-    known = ended(scene)
-    assert not known.text
-    assert known.figures["area"] == pytest.approx(5000)
-    with replaced(LISTED["outlines.meshing._LARGEST"], 0.3):
-        coarse = ended(scene)
-    assert coarse.figures["nodes"] < known.figures["nodes"]
-
-
-def test_constants_without_an_effect_and_unread_ones_are_listed():
-    head = {"subsystem": "nets", "value": "1", "meaning": "one"}
-    same = {"outcomes": "", "solves": 1.0, "change": 0.0, "of": ""}
-    rows = [
-        {"case": "nets.a", **head, "factor": None},
-        {"case": "nets.b", **head, "factor": 2.0, **same},
-    ]
-    text = effects(rows, "nets")
-    assert "Not read: `nets.a`." in text
-    assert "Without an effect: `nets.b`." in text

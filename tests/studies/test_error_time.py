@@ -1,4 +1,5 @@
 import argparse
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,206 +8,23 @@ from skfem_textile import (
     LoadStepper,
     Ply,
 )
-from studies.common.rivals.codes import Native, Plain
+from studies.common.rivals.codes import Plain
 from studies.common.rivals.newton import STEPS, NotConvergedError, Run
 from studies.common.rivals.rival import QUAD4, TRIANGLE6
-from studies.common.tables import csv_table, rows_of_csv
 from studies.error_time import cases, fronts, study
 from studies.error_time.cases import (
-    CELLS,
     CODES,
     PROBLEMS,
     OtherCode,
-    ThisLibrary,
     Timed,
     shape_errors,
     unfolded,
 )
-from studies.error_time.fronts import CRITERIA, SETS
+from studies.error_time.fronts import SETS
 from studies.error_time.study import STUDY
 from studies.formulations.cases import SEEDS, Case
 
-OURS = ThisLibrary.code
 NO_OPTIONS = argparse.Namespace()
-LOADS = {"Quadratic()": (44.0, 42.0, 41.0, 40.5), "Full()": (47.0, 43.0, 41.0, 40.0)}
-
-
-def of_reference():
-    head = {"scene": "bias_extension", "code": cases.CODE, "inextensible": 50.0}
-    return [
-        head | {"element": element, "across": cells, "load": load}
-        for element, loads in LOADS.items()
-        for cells, load in zip(CELLS, loads, strict=True)
-    ]
-
-
-def runs(code, element, across, seconds, errors, solver="fastest", **more):
-    """A row for each seed."""
-    return [
-        {
-            **{"scene": "strip", "code": code, "element": element, "solver": solver},
-            **{"seed": seed, "across": across, "unknowns": 10 * across},
-            **{"steps": 1, "linear_solves": 5, "angle": error},
-            **{"load": 1.0 if error is not None else None},
-            **{"seconds": seconds if error is not None else None},
-            **{"note": "" if error is not None else "too hard"},
-            **more,
-        }
-        for seed, error in zip(SEEDS, errors, strict=True)
-    ]
-
-
-def same(error):
-    return [error] * len(SEEDS)
-
-
-ROWS = [
-    *runs(OURS, "P2", 4, 1.0, same(0.5)),
-    *runs(OURS, "P2", 8, 2.0, [0.01, 0.02, 0.05, 0.06, 0.3]),
-    *runs(OURS, "P2", 16, 6.0, same(0.02)),
-    *runs(OURS, "Q4", 8, 1.0, same(0.09)),
-    *runs(OURS, "Q4", 16, 3.0, same(0.2)),
-    *runs("FElupe", "P2", 4, 1.5, same(0.5)),
-    *runs("FElupe", "P2", 8, 8.0, same(0.05), linear_solves=10),
-    *runs("FElupe", "P2", 16, 9.0, same(None)),
-]
-THERE = rows_of_csv(csv_table(ROWS))  # as they are stored
-
-
-def front(rows, solvers="fastest"):
-    return fronts.fronts(rows, CRITERIA["angle"], solvers)
-
-
-def test_the_time_to_an_error_uses_a_mesh_confirmed_by_finer_ones():
-    """Q4 is within 0.1° at 8 across by chance: at 16 it is not."""
-    ours = front(THERE)[OURS]
-    assert (ours[0].element, ours[0].across, ours[0].within) == ("Q4", 8, 0.2)
-    best = fronts.fastest(ours, 0.1)
-    assert (best.element, best.across) == ("P2", 8)
-    assert fronts.fastest(ours, 0.001) is None
-
-
-def test_errors_and_times_are_medians_with_ranges_over_the_seeds():
-    rows = runs(OURS, "P2", 8, 1.0, [0.01, 0.02, 0.05, 0.06, 0.3])
-    for row, seconds in zip(rows, (1.0, 2.0, 3.0, 4.0, 9.0), strict=True):
-        row["seconds"] = seconds
-    (point,) = front(rows)[OURS]
-    assert point.error == (0.05, 0.01, 0.3)
-    assert point.seconds == (3.0, 1.0, 9.0)
-    assert point.seeds == 5
-
-
-def test_a_front_has_ever_smaller_errors_for_ever_longer_times():
-    for points in front(THERE).values():
-        times = [point.seconds.median for point in points]
-        errors = [point.within for point in points]
-        assert times == sorted(times)
-        assert errors == sorted(errors, reverse=True)
-        assert len(set(errors)) == len(errors)
-
-
-def test_a_mesh_with_mostly_failing_seeds_refutes_coarser_ones():
-    assert "FElupe" in front(THERE)
-    assert fronts.fastest(front(THERE)["FElupe"], 1.0) is None
-    few = runs("FElupe", "P2", 4, 1.0, [None, 0.1, 0.1, 0.1, 0.1])
-    (point,) = front(few)["FElupe"]
-    assert (point.seeds, point.within) == (4, 0.1)
-
-
-def test_an_abandoned_search_ends_the_refinement_and_refutes_nothing():
-    note = f"inverted elements in up to 5 equal steps, {cases.GIVEN_UP} after 9 s"
-    rows = [*ROWS[:-5], *runs("FElupe", "P2", 16, 9.0, same(None), note=note)]
-    assert fronts.fastest(front(rows)["FElupe"], 0.1).across == 8
-
-
-def test_the_ratio_of_times_is_the_product_of_solves_and_time_per_solve():
-    note = f"{cases.GIVEN_UP}"
-    rows = [*ROWS[:-5], *runs("FElupe", "P2", 16, 9.0, same(None), note=note)]
-    pair = fronts.compared(front(rows), 0.1)
-    assert (pair.own.element, pair.other.code) == ("P2", "FElupe")
-    assert (pair.ratio, pair.solves, pair.per_solve) == (4.0, 2.0, 2.0)
-    curve = dict(fronts.ratios(front(rows)))
-    assert curve[0.5] == 1.5  # ours on Q4 at 8 across
-    assert curve[0.05] == 4.0
-    assert 0.02 not in curve  # which no other code reaches
-
-
-def test_another_code_that_is_faster_is_named_with_a_ratio_below_one():
-    faster = runs("DOLFINx", "P2", 8, 0.5, same(0.05), solver="MUMPS")
-    pair = fronts.compared(front([*ROWS[:-5], *faster]), 0.1)
-    assert pair.other.code == "DOLFINx"
-    assert pair.ratio == 0.25
-    for solvers in SETS:  # it has only one solver
-        assert "DOLFINx" in front(faster, solvers)
-    table = study.ratios([*ROWS[:-5], *faster])
-    assert "DOLFINx, P2, 8 across" in table
-    assert "| 0.25 | 1 | 0.25 |" in table
-    required = [row | {"solver": "required"} for row in ROWS[:-5]]
-    words = study.in_words([*required, *faster])
-    assert words["angle_0.1_ratio"] == "0.25"
-    assert words["angle_0.1_other_code"] == "DOLFINx"
-    assert words["angle_0.02_ratio"] == "not reached"
-    assert "angle_0.02_other_code" not in words
-    assert words["load_3_ratio"] == "-"
-
-
-def test_sets_of_solvers_are_not_mixed():
-    required = runs("FElupe", "P2", 8, 0.1, same(0.05), solver="required")
-    assert "FElupe" not in front(required)
-    assert front(required, "required")["FElupe"][0].seconds.median == 0.1
-
-
-def test_the_load_of_the_bias_extension_is_compared_with_the_converged_one():
-    """The load of inextensible fibres is not used."""
-    rows = [*of_reference(), *runs(OURS, "P2", 8, 1.0, same(1.0), load=41.0)]
-    for row in rows[-5:]:
-        row["scene"] = "bias_extension"
-    end = cases.converged(rows)
-    # 40.5 − 0.5, and Full's 40 − 1, extrapolated by their ratio of changes, 2.
-    assert end.load == pytest.approx((40.0 + 39.0) / 2)
-    assert end.uncertainty == 1.0  # of both the difference and the last change
-    (series,) = fronts.methods(rows, CRITERIA["load"]).values()
-    assert series[0].error.median == pytest.approx(41.0 / 39.5 - 1)
-    words = study.in_words(rows)
-    assert words["reference"] == "39.50 N"
-    assert "| `Full()` | 47.0000 | 43.0000 | 41.0000 | 40.0000 | 39.0000 |" in (
-        study.reference(rows)
-    )
-
-
-def test_loads_are_not_judged_without_the_whole_reference():
-    rows = [*of_reference()[1:], *runs(OURS, "P2", 8, 1.0, same(1.0), load=41.0)]
-    for row in rows[-5:]:
-        row["scene"] = "bias_extension"
-    assert cases.converged(rows) is None
-    assert fronts.methods(rows, CRITERIA["load"])[OURS, "P2", "fastest"] == []
-    assert "reference" not in study.in_words(rows)
-
-
-def test_the_smallest_error_of_an_element_above_the_target_is_given():
-    assert "| **skfem_textile** | Q4 | not reached: 0.2° at 16 across |" in (
-        study.elements(THERE)
-    )
-    assert "| **skfem_textile** | P2 | 2 s, 8 across |" in study.elements(THERE)
-
-
-def test_the_fronts_have_a_line_for_each_code_with_its_name_at_the_end():
-    pytest.importorskip("matplotlib")
-    loads = runs(OURS, "P2", 8, 1.0, same(1.0), load=39.6)
-    for row in loads:
-        row["scene"] = "bias_extension"
-    rows = [*of_reference(), *ROWS, *loads]
-    angle, load = study.draw_fronts(rows).axes
-    assert [text.get_text() for text in angle.texts] == ["this library"]
-    drawn = angle.lines[0].get_xydata()
-    points = front(ROWS)[OURS]
-    np.testing.assert_allclose(drawn[:, 0], [p.seconds.median for p in points])
-    np.testing.assert_allclose(drawn[:, 1], [p.within for p in points])
-    # An error below the uncertainty is at the edge of its band, with an open marker.
-    edge = 100 * 1.0 / 39.5
-    np.testing.assert_allclose(load.lines[0].get_xydata(), [[1.0, edge]])
-    assert load.lines[2].get_markerfacecolor() == "white"
-    assert len(load.lines[2].get_xydata()) == 1
 
 
 def test_the_codes_take_turns_on_each_seed():
@@ -216,6 +34,56 @@ def test_the_codes_take_turns_on_each_seed():
     assert set(seeds) == set(SEEDS)
     names = [str(case) for case in timed]
     assert len(set(names)) == len(names)
+
+
+def runs(across, seconds, *errors):
+    """Rows of one code and element, one for each seed; None if it failed."""
+    head = {"scene": "strip", "code": "FElupe", "element": "P2", "solver": "fastest"}
+    head |= {"across": across, "unknowns": across, "steps": 1, "linear_solves": 5}
+    return [
+        head
+        | {"angle": error, "seconds": None if error is None else seconds}
+        | {"seed": seed, "note": "too hard" if error is None else ""}
+        for seed, error in zip(SEEDS, errors, strict=True)
+    ]
+
+
+def front(*rows):
+    return fronts.fronts(rows, fronts.CRITERIA["angle"], "fastest")["FElupe"]
+
+
+def test_a_mesh_on_which_most_seeds_fail_refutes_coarser_ones():
+    coarse, failed = runs(4, 1.5, *5 * [0.5]), runs(8, 8.0, *5 * [None])
+    assert fronts.fastest(front(*coarse), 1.0).across == 4
+    assert fronts.fastest(front(*coarse, *failed), 1.0) is None
+
+
+def test_failed_seeds_have_an_infinite_error_in_the_median():
+    (point,) = front(*runs(4, 1.0, None, None, 0.1, 0.2, 0.3))
+    assert (point.seeds, point.within) == (3, 0.3)
+
+
+def test_a_front_has_ever_smaller_errors_for_ever_longer_times():
+    meshes = (
+        runs(4, 1.0, *5 * [0.5]),
+        runs(8, 2.0, *5 * [0.6]),
+        runs(16, 3.0, *5 * [0.1]),
+    )
+    points = front(*(row for rows in meshes for row in rows))
+    assert [(x.across, x.within) for x in points] == [(4, 0.6), (16, 0.1)]
+
+
+def test_fronts_are_drawn_at_the_median_times_and_errors():
+    pytest.importorskip("matplotlib")
+    rows = STUDY.stored(Path(__file__).parents[2] / "docs" / "error-time")
+    angle, _ = study.draw_fronts(rows).axes
+    known = fronts.fronts(rows, fronts.CRITERIA["angle"], "fastest")
+    shown = [
+        [x for x in of if x.within <= study._MOST["angle"]] for of in known.values()
+    ]
+    lines = [line.get_xydata() for line in angle.lines if line.get_zorder() == 3]
+    for drawn, points in zip(lines, filter(None, shown), strict=True):
+        np.testing.assert_allclose(drawn, [(x.seconds[0], x.within) for x in points])
 
 
 def test_errors_of_the_shape_are_those_of_the_scene():
@@ -296,28 +164,6 @@ def test_a_rival_that_never_converges_is_marked():
     assert row["unknowns"] > 0
 
 
-def test_a_long_search_is_abandoned(monkeypatch):
-    class Never(Plain):
-        def run(self, task, steps, repeats):
-            raise NotConvergedError
-
-    monkeypatch.setattr(cases, "PATIENCE", -1.0)
-    row = OtherCode(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4, 97)
-    assert cases.GIVEN_UP in row["note"]
-
-
-def test_a_run_of_this_library_that_stops_early_is_marked(monkeypatch):
-    class Once(LoadStepper):
-        def __init__(self, ply, conditions, steps, solver):
-            super().__init__(ply, conditions, steps, method="plain")
-            self.max_halvings = 0
-
-    monkeypatch.setattr(cases, "LoadStepper", Once)
-    row = CODES[5].measured(PROBLEMS["strip"], 16, 1)
-    assert row["note"].startswith("stopped at load factor 0")
-    assert row["angle"] is None
-
-
 @pytest.mark.parametrize(("long", "meshes"), [(10.0, [4, 6, 8, 12]), (3.0, [4, 6])])
 def test_a_method_is_refined_once_and_until_a_run_takes_long(monkeypatch, long, meshes):
     class Steady:
@@ -332,13 +178,3 @@ def test_a_method_is_refined_once_and_until_a_run_takes_long(monkeypatch, long, 
     monkeypatch.setattr(cases, "LONG", long)
     case = Timed(1, "strip", PROBLEMS["strip"], Steady(), cases.ACROSS)
     assert [one["across"] for one in STUDY.examine(case)] == meshes
-
-
-def test_a_code_that_is_not_installed_has_one_row():
-    class Missing(Native):
-        packages = {"no_such_module": "scikit-fem-native"}  # noqa: RUF012
-
-    code = OtherCode(Missing(QUAD4))
-    (row,) = Timed(1, "strip", PROBLEMS["strip"], code, cases.ACROSS).rows()
-    assert row["note"] == "skipped, not installed: scikit-fem-native"
-    assert row["across"] == 0

@@ -64,6 +64,16 @@ def test_every_case_is_stored_and_no_other(name):
     assert not [x for x in rows - cases if not x.startswith(FURTHER.get(name, ()))]
 
 
+#: Studies whose stored results miss a target, and the complaint.
+MISSED = {"laboratory": "1 target(s) missed"}
+
+
+@each_study
+def test_stored_results_meet_the_targets_of_their_study(name):
+    complaint = STUDIES[name].complaint(stored(name))
+    assert complaint.partition(",")[0] == MISSED.get(name, "")
+
+
 @each_study
 def test_stored_rows_reproduce_tables(name):
     study = STUDIES[name]
@@ -79,20 +89,6 @@ def test_stored_rows_reproduce_the_pictures(name, tmp_path):
     study = STUDIES[name]
     study.draw(stored(name), tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {*study.pictures}
-
-
-@pytest.mark.parametrize("name", [name for name in STUDIES if name != "calibration"])
-def test_other_formats_of_pictures_are_rejected_before_any_work(
-    name, tmp_path, monkeypatch
-):
-    pytest.importorskip("matplotlib")
-    monkeypatch.setattr("matplotlib.figure.Figure.__init__", lambda *_, **__: 1 / 0)
-    for part in STUDIES[name].parts:
-        for file, draw in part.pictures.items():
-            if file.endswith(".png"):
-                with pytest.raises(ValueError, match=r"y\.gif: pictures can"):
-                    draw(part.of(stored(name)), tmp_path / "y.gif")
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", [name for name in STUDIES if name != "speed"])

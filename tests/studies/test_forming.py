@@ -15,14 +15,6 @@ PUNCH = triangles.sphere(20.0, np.array([1.0, 2.0, -20.0]), EDGE)
 DIE = triangles.die(22.0, 5.0, 0.5, EDGE)
 
 
-@pytest.mark.parametrize("tool", [PUNCH, DIE], ids=["punch", "die"])
-def test_triangles_are_of_about_one_length(tool):
-    longest = tool.facets.longest_edges()
-    assert 0.5 * EDGE < np.median(longest) < 2 * EDGE
-    assert longest.max() < 4 * EDGE
-    assert len(tool.facets.boundary()) in (1, 2)
-
-
 def test_surfaces_of_triangles_are_the_exact_ones():
     """To a hundredth of an edge, with normals within a degree, away from the edges."""
     near = RNG.uniform(-0.3, 0.3, 500)

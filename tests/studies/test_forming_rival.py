@@ -5,8 +5,7 @@ import pytest
 from scipy.sparse import identity
 
 from skfem_textile.contact import obstacle
-from studies.common.rivals import course, forming
-from studies.common.rivals.codes import DolfinxError
+from studies.common.rivals import course
 from studies.common.rivals.forming import Forming
 from studies.forming_rival.of_felupe import OF_FELUPE, Membrane, Penalty
 from studies.forming_rival.ours import ours, ply_of
@@ -115,12 +114,6 @@ def test_forces_of_a_penalty_are_the_derivative_of_its_energy():
         assert slope == pytest.approx(f @ v, rel=1e-6)
         off = (K @ v - change) * free.ravel()
         assert np.abs(off).max() <= 1e-6 * np.abs(change).max()
-
-
-def test_an_unknown_method_of_dolfinx_is_an_error_of_one_line():
-    code(DESCENT)
-    with pytest.raises(DolfinxError, match=r"^DOLFINx: KeyError: 'bisection'$"):
-        forming.dolfinx(CASE, STEPS, "bisection")
 
 
 def test_a_step_that_fails_is_halved_and_a_course_may_end_early():

@@ -1,74 +1,31 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from skfem import MeshQuad
 
 from skfem_textile.mesh.selection import SINGULAR
-from studies.error_time.cases import PROBLEMS, ThisLibrary, Timed
+from studies.error_time.cases import PROBLEMS, Timed
+from studies.error_time.fronts import Spread
 from studies.error_time.nets import study
-from studies.error_time.nets.cases import EDGES, MESHES, SEEDS
-from studies.error_time.nets.study import LEVELS, STANDARD, STUDY
-
-OURS = ThisLibrary.code
+from studies.error_time.nets.cases import EDGES, MESHES
+from studies.error_time.nets.study import STUDY
 
 
-def runs(mesh, code, element, across, seconds, error, solver="fastest"):
-    """A row for each seed."""
-    return [
-        {
-            **{"scene": mesh, "code": code, "element": element, "solver": solver},
-            **{"seed": seed, "across": across, "unknowns": 100 * across},
-            **{"steps": 1, "linear_solves": 5, "load": 1.0, "error": error},
-            **{"seconds": seconds, "note": ""},
-        }
-        for seed in SEEDS
-    ]
-
-
-ROWS = [
-    *runs("irregular", OURS, STANDARD, 32, 3.0, 0.9),
-    *runs("irregular", OURS, "macro", 8, 1.0, 0.02),
-    *runs("irregular", OURS, "macro", 16, 4.0, 0.009),
-    *runs("irregular", "DOLFINx", STANDARD, 32, 8.0, 0.9, "MUMPS"),
-    *runs("net", OURS, STANDARD, 4, 0.1, 0.013),
-    *runs("net", OURS, STANDARD, 8, 0.2, 0.007),
-    *runs("net", OURS, "macro", 4, 0.5, 0.013),
-    *runs("net", "DOLFINx", STANDARD, 4, 0.05, 0.013, "MUMPS"),
-    *runs("net", "DOLFINx", STANDARD, 8, 0.4, 0.007, "MUMPS"),
-]
-
-
-def timing(mesh, element, code):
-    return next(x for x in study.timings(ROWS) if x[:3] == (mesh, element, code))
-
-
-def test_a_gain_is_the_ratio_of_two_times_to_one_error():
-    slow, fast = (timing("net", STANDARD, code) for code in ("DOLFINx", OURS))
-    ratios = [study.gain(slow, fast, level) for level in LEVELS]
-    assert ratios == [("", pytest.approx(0.5)), ("", pytest.approx(2)), None]
+def timing(*points):
+    """Times in seconds, and the errors that they reach."""
+    return study.Timing(
+        *("net", "P2", "code"),
+        [SimpleNamespace(seconds=Spread(s, s, s), within=error) for s, error in points],
+    )
 
 
 def test_a_time_to_an_error_that_is_not_reached_is_a_bound():
-    irregular, net = (timing(x, STANDARD, "DOLFINx") for x in MESHES)
-    assert study.gain(irregular, net, 0.01) == (">", pytest.approx(8.0 / 0.4))
-    assert study.gain(irregular, net, 0.005) is None
-    irregular, net = (timing(x, "macro", OURS) for x in MESHES)
-    assert study.gain(irregular, net, 0.01) == ("<", pytest.approx(4.0 / 0.5))
-
-
-def test_tables_have_the_time_the_unknowns_and_the_error():
-    assert (
-        "| net | P2, 3 points | DOLFINx | 0.05 s, 400, 1.3 % | 0.4 s, 800, 0.7 % |"
-        in (study.times(ROWS))
-    )
-    assert "| not reached: 90 % in 3 s |" in study.times(ROWS)
-
-
-def test_words_compare_the_codes_on_nets():
-    words = STUDY.figures(ROWS)
-    assert [words[f"codes_{level}"] for level in ("3", "1", "0.5")] == ["0.5", "2", "-"]
-    assert (words["net_reached_1"], words["net_reached_0.5"]) == ("2 of 2", "0 of 2")
-    assert words["ours_1_solves"] == words["codes_1_solves"] == "5"
-    assert words["ours_0.5_solves"] == words["codes_0.5_solves"] == "-"
+    slow, fast = timing((1.0, 0.03), (8.0, 0.02)), timing((0.1, 0.02), (0.4, 0.01))
+    assert study.gain(slow, fast, 0.02) == ("", pytest.approx(80))
+    assert study.gain(slow, fast, 0.01) == (">", pytest.approx(20))
+    assert study.gain(fast, slow, 0.01) == ("<", pytest.approx(0.05))
+    assert study.gain(slow, fast, 0.005) is None
 
 
 def test_errors_are_relative_to_the_converged_load():

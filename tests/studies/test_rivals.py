@@ -3,7 +3,7 @@ import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
 from skfem_textile.scenes import bias_extension, strip
-from studies.common.rivals import codes, linear, newton
+from studies.common.rivals import linear, newton
 from studies.common.rivals.codes import RIVALS, Dolfinx, DolfinxError, FElupe, Plain
 from studies.common.rivals.linear import SolverOfThisLibrary, solver_of
 from studies.common.rivals.newton import NotConvergedError
@@ -136,41 +136,6 @@ def test_a_pattern_is_analysed_once(monkeypatch):
     assert analysed == ["auto"] * 2
 
 
-def test_a_matrix_that_is_singular_to_working_precision_is_left_to_scipy(monkeypatch):
-    messages = []
-    monkeypatch.setattr(linear, "spsolve", lambda A, b: messages.append(1) or 0 * b)
-    task = task_of(QUAD4)
-    A, b = system_of(task, np.zeros(task.nodes.size))
-    SolverOfThisLibrary(task)(0 * A, b)
-    assert messages == [1]
-
-
-def test_in_process_rivals_converge_alike_with_either_solver():
-    task = task_of(QUAD4, strip, 1e4, 0.0, (6, 9))
-    runs = [
-        Plain(QUAD4, solver=name).run(task, 5, 0) for name in ("required", "fastest")
-    ]
-    np.testing.assert_allclose(runs[0].u, runs[1].u, rtol=0, atol=1e-7)
-    assert runs[0].linear_solves == runs[1].linear_solves
-
-
-def test_cells_of_triangles_run_anticlockwise_with_the_middles_of_their_edges():
-    task = task_of(TRIANGLE6)
-    x = task.nodes[:, task.cells]
-    a, b = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
-    assert (a[0] * b[1] - a[1] * b[0] > 0).all()
-    for middle, (i, j) in zip((3, 4, 5), ((0, 1), (1, 2), (2, 0)), strict=True):
-        np.testing.assert_allclose(x[:, middle], (x[:, i] + x[:, j]) / 2)
-
-
-def test_prescribed_values_agree_with_the_scene():
-    task = task_of(QUAD4, strip)
-    halfway, end = task.values(2)
-    exact = task.scene.displacement(task.nodes, 0.5).T.ravel()
-    np.testing.assert_allclose(halfway, exact[task.fixed], atol=1e-12)
-    assert np.abs(end).max() > np.abs(halfway).max()
-
-
 def test_too_long_a_step_is_an_error_and_not_a_warning(monkeypatch):
     """Five plain Newton iterations solve this strip not in one step, but in ten."""
     monkeypatch.setattr(newton, "_MOST", 5)
@@ -192,17 +157,6 @@ def test_errors_in_the_process_of_dolfinx_are_one_line():
     rival = available(Dolfinx(QUAD9))
     with pytest.raises(DolfinxError, match=r"^DOLFINx: KeyError: 9$"):
         rival.run(task_of(QUAD9, size=(2, 4)), 1, repeats=0)
-
-
-def test_dolfinx_is_missing_without_its_interpreter(monkeypatch):
-    monkeypatch.setattr(codes, "interpreter", lambda: None)
-    assert "python3-dolfinx" in Dolfinx(QUAD4).missing()
-
-
-def test_a_package_that_is_not_installed_is_missing(monkeypatch):
-    monkeypatch.setattr(FElupe, "packages", {"no_such_module": "some-package"})
-    assert FElupe(QUAD4).missing() == "some-package"
-    assert Plain(QUAD4).missing() == ""
 
 
 def test_the_clock_counts_every_repeat_but_not_the_first_run():

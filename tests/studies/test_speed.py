@@ -104,11 +104,3 @@ def test_shares_have_median_and_quartiles():
     assert study._share(share) == "+0.4 % (−1.5 to +2.5 %)"
     none = {"median": -0.0001, "low": -0.01, "high": 0.0}
     assert study._share(none) == "0.0 % (−1.0 to 0.0 %)"
-
-
-def test_results_are_summarised_in_words(stored, results):
-    text = STUDY.figures(stored)
-    whole = results["whole_strip"]
-    assert text["strip_ratio"] == f"{whole['stock_over_own']:.0f}"
-    assert text["bending_unused_terms"] == text["bending_unused_modules"] == "0"
-    assert STUDY.figures([]) == {}

@@ -16,26 +16,6 @@ def test_an_inaccurate_answer_is_wrong_and_a_failure_is_not():
     assert study.wrong([right, inaccurate, refused]) == [inaccurate]
     assert "1 wrong" in STUDY.complaint([right, inaccurate, refused])
     assert STUDY.complaint([right, refused]) == ""
-    line = study.extremes([right, inaccurate, refused]).splitlines()[-1]
-    assert line == "| strip | 1e+04 | 3 | 1 | 1 | 1 | 3.00 % |"
-
-
-def test_words_describe_quadrilaterals_and_count_every_extreme_run():
-    tip = {"part": "cantilever", "formulation": "macro", "n": 32, "off_x": -0.002}
-    tip |= {"off_z": 0.001}
-    other = tip | {"formulation": "quadratic", "off_x": 0.5}
-    coarse = tip | {"n": 16, "off_z": 0.5}
-    bent = {"part": "buckling", "formulation": "one point", "D": 10.0, "off_x": -0.005}
-    soft = bent | {"formulation": "macro", "D": 0.0, "off_x": -0.011}
-    right = MEASURED | {"outcome": "converged", "off_x": 0.001, "off_z": -0.01}
-    refused = MEASURED | {"outcome": "refused", "off_x": None, "off_z": None}
-    rows = [tip, other, coarse, bent, soft, right, right | {"off_z": 0.1}, refused]
-    words = study.in_words(rows)
-    assert words["tip"] == "0.2 %"
-    assert (words["buckling"], words["buckling_soft"]) == ("0.5 %", "1.1 %")
-    counts = [words[name] for name in ("extremes", "right", "refused", "wrong")]
-    assert counts == ["3", "1", "1", "1"]
-    assert (words["usual"], words["usual_chord"]) == ("5.7 %", "41.5°")
 
 
 def test_each_problem_agrees_with_its_exact_solution():

@@ -7,7 +7,6 @@ import pytest
 
 from skfem_textile.mesh.checks import MeshError
 from skfem_textile.ply.formulations import Full
-from studies.angles import cases as angles
 from studies.common.rivals.codes import Plain
 from studies.common.rivals.newton import STEPS, NotConvergedError, Run
 from studies.common.rivals.rival import QUAD4
@@ -19,7 +18,6 @@ from studies.stability.grid.study import (
     STUDY,
     Cell,
     Ours,
-    Reference,
     Theirs,
 )
 
@@ -53,15 +51,6 @@ def test_the_library_has_the_converged_load_where_points_lock(coarse, monkeypatc
     assert theirs["linear_solves"] >= theirs["steps"]
 
 
-def test_references_agree_when_cells_are_halved(monkeypatch):
-    fewer = [(formulation, n // 4) for formulation, n in angles.REFERENCES]
-    monkeypatch.setattr(angles, "REFERENCES", fewer)
-    (row,) = Reference(1e4).rows()
-    assert row["load"] == pytest.approx(0.942, abs=0.01)
-    assert 0 < abs(row["halving"]) < 0.02
-    assert 0 < abs(row["apart"]) < 0.02
-
-
 def test_stored_references_agree(stored):
     rows = [row for row in stored if row["code"] == REFERENCE]
     assert [row["ratio"] for row in rows] == list(study.RATIOS)
@@ -85,19 +74,6 @@ def test_unstable_final_states_do_not_count(coarse, monkeypatch):
     assert tried == list(STEPS)
     assert row["sound"] is False
     assert row["note"] == "not stable, or folded"
-
-
-def test_a_code_that_is_not_installed_has_no_cell(coarse, monkeypatch):
-    class Missing(Plain):
-        def missing(self):
-            return "it"
-
-    use(monkeypatch, Missing(QUAD4))
-    (row,) = STUDY.examine(Theirs(0, 1e2, 0.0, 1))
-    assert row["note"] == "skipped, not installed: it"
-    reference = {"code": REFERENCE, "ratio": 1e2, "load": 1.0}
-    assert study.cells([reference, row]) == {}
-    assert "skipped" in STUDY.line([row | {"case": "it"}])
 
 
 def test_seeds_that_invert_an_element_are_skipped():

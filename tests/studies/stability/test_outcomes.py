@@ -47,17 +47,3 @@ def test_round_off_is_not_a_disagreement():
     assert outcome(none, end(-5e-13, (0.0, -8e-10)), True) == ends.RIGHT
     assert outcome(none, end(5e-12, (0.0, 0.0)), True) == ends.WRONG
     assert outcome(none, end(0.0, (5e-9, 0.0)), True) == ends.WRONG
-
-
-def test_each_of_the_five_outcomes_is_counted_separately():
-    """A right state and another equilibrium are not summed."""
-
-    def row(outcome, problem="p"):
-        return {"family": "laws: f", "problem": problem, "outcome": outcome}
-
-    rows = [row(ends.RIGHT)] * 3 + [row(ends.RIGHT, "q")] + [row(ends.OTHER)] * 2
-    rows += [row(ends.MISSED), row(ends.WRONG)] + [row(ends.REFUSED)] * 4
-    words = ends.in_words(rows)
-    counts = {"right": "4", "other": "2", "refused": "4", "missed": "1", "wrong": "1"}
-    assert {name: words[name] for name in counts} == counts
-    assert (words["cases"], words["problems"]) == ("12", "2")

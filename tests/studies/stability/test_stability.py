@@ -149,6 +149,17 @@ def test_an_accepted_saddle_point_is_wrong(few_steps, monkeypatch):
     assert outcomes(ROD) == [ends.WRONG, ends.WRONG]
 
 
+def test_flat_angles_are_flat():
+    (problem,) = [p for p in extremes() if p.name == "strip, 2×2" and "179" in p.family]
+    mesh = problem.scene().mesh
+    x = mesh.p[:, mesh.t]
+    ahead, behind = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    cosine = np.sum(ahead * behind, axis=0) / (
+        np.linalg.norm(ahead, axis=0) * np.linalg.norm(behind, axis=0)
+    )
+    assert np.degrees(np.arccos(cosine)).max() == pytest.approx(179.0)
+
+
 #: A tenth of the problems of the study, drawn by this seed.
 DRAWN = np.random.default_rng(2026).choice(extremes(), len(extremes()) // 10, False)
 
