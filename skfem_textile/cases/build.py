@@ -172,17 +172,16 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     """
     with_files(file, _refuse_missing)
     _refuse_contradictions(file)
-    laws = (
-        _fabric(file.tension, file.shear, file.bending)
-        if file.fabric.file is None
-        else _fabric_of_file(file.fabric.file, file.fabric)
-    )
+    if file.fabric.file is None:
+        laws = _fabric(file.tension, file.shear, file.bending)
+    else:
+        laws = _fabric_of_file(file.fabric.file, file.fabric)
     scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
     fabric: Any = replace(laws, warp=scene.warp, weft=scene.weft)
     if file.mesh.directions is not None:
         scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
-    if file.fabric.file is not None and _has_other_directions(laws, scene, fabric):
-        _warn_of_other_directions(file)
+    if file.fabric.file is not None:
+        _warn_of_other_directions(file, laws, scene, fabric)
     if file.regions:
         scene, fabric = _with_regions(scene, fabric, file)
     loads = _loads(file.loads)
@@ -242,17 +241,18 @@ def _refuse_contradictions(file: CaseFile) -> None:
             "fabric.compression and fabric.in_compression require fabric.file: name "
             "the file, or use tension.compression and tension.in_compression"
         )
-    for key, named in (
-        ("fabric.file", file.fabric.file),
-        ("mesh.directions", file.mesh.directions),
-    ):
+    of_ply = {
+        "fabric.file": file.fabric.file,
+        "mesh.directions": file.mesh.directions,
+    }
+    for key, named in of_ply.items():
         if named is not None and file.regions:
             raise ValueError(
                 f"{key} applies to the whole ply, but regions are given: omit one of "
                 "them"
             )
+    in_space = issubclass(file.scene.declaration, WithTools)
     for key in ("part_mesh", "deck", "trim", "pattern"):
-        in_space = issubclass(file.scene.declaration, WithTools)
         if getattr(file.output, key) and not in_space:
             raise ValueError(f"output.{key} requires a scene with tools")
     refuse_incomplete_exports(file.output)
@@ -298,16 +298,15 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     """
     scene, options = file.scene, file.mesh
     _refuse_other_mesh_keys(scene, options)
-    mesh: str | SkfemMesh = options.source
-    size = options.size and tuple(round(density * n) for n in options.size)
-    of_grid = {"size": size, "jitter": options.jitter, "seed": options.seed}
-    of_grid = {key: value for key, value in of_grid.items() if value is not None}
     if options.source == GRADED:
         built = _graded(file, laws, density)
     elif options.outline is not None:
         built = _outlined(file, density)
     elif options.source in MESH_KINDS:
-        built = scene.build(mesh, **of_grid)
+        size = options.size and tuple(round(density * n) for n in options.size)
+        of_grid = {"size": size, "jitter": options.jitter, "seed": options.seed}
+        stated = {key: value for key, value in of_grid.items() if value is not None}
+        built = scene.build(options.source, **stated)
     else:
         mesh = _read(options.source, options.directions, file.fabric.file)
         built = scene.build(mesh)
@@ -477,11 +476,8 @@ def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh
     """The mesh of a file, which may also contain directions and the fabric."""
     from ..io import OF_DIRECTIONS, OF_FABRICS, read_mesh
 
-    others = [
-        *(OF_DIRECTIONS * _is_copy(directions, source)),
-        *(OF_FABRICS * _is_copy(fabric, source)),
-    ]
-    return read_mesh(source, others)
+    others = OF_DIRECTIONS * _is_copy(directions, source)
+    return read_mesh(source, (*others, *OF_FABRICS * _is_copy(fabric, source)))
 
 
 def _is_copy(named: str | None, file: str) -> bool:
@@ -558,12 +554,32 @@ def _with_directions(
     return replace(scene, misfit=misfit), turned.on(fabric)
 
 
-def _has_other_directions(declared: Fabric, scene: "Scene", used: Fabric) -> bool:
-    """True if a file states directions that the run does not use."""
-    if declared.warp is Fabric.warp and declared.weft is Fabric.weft:
+def _warn_of_other_directions(
+    file: CaseFile, laws: Fabric, scene: "Scene", used: Fabric
+) -> None:
+    """Warn if the file of the fabric states directions that the run does not use."""
+    if not _has_other_directions(laws, scene, used):
+        return
+    fabric, other = str(file.fabric.file), file.mesh.directions
+    how = (
+        "write them with write_directions and name this file in mesh.directions"
+        if Path(fabric).suffix.lower() == ".json"
+        else "name this file in mesh.directions too"
+    )
+    log.warning(
+        "%s: the fibre directions in this file are ignored; the directions from %s "
+        "are used: to use them, %s",
+        printable(fabric),
+        "the scene" if other is None else printable(other),
+        how,
+    )
+
+
+def _has_other_directions(laws: Fabric, scene: "Scene", used: Fabric) -> bool:
+    if laws.warp is Fabric.warp and laws.weft is Fabric.weft:
         return False  # a deck without orientations
     try:
-        first, second = (directions_of(scene.mesh, one) for one in (declared, used))
+        first, second = (directions_of(scene.mesh, one) for one in (laws, used))
     except ValueError:  # another number of elements
         return True
     for A, B in (first.warp, second.warp), (first.weft, second.weft):
@@ -573,36 +589,16 @@ def _has_other_directions(declared: Fabric, scene: "Scene", used: Fabric) -> boo
     return False
 
 
-def _warn_of_other_directions(file: CaseFile) -> None:
-    fabric, other = str(file.fabric.file), file.mesh.directions
-    source = "the scene" if other is None else printable(other)
-    how = (
-        "to use them, write them with write_directions and name this file in "
-        "mesh.directions"
-        if Path(fabric).suffix.lower() == ".json"
-        else "to use them, name this file in mesh.directions too"
-    )
-    log.warning(
-        "%s: the fibre directions in this file are ignored; the directions from %s "
-        "are used: %s",
-        printable(fabric),
-        source,
-        how,
-    )
-
-
 def _with_regions(
     scene: "Scene", fabric: Fabric, file: CaseFile
 ) -> tuple["Scene", dict[str, Fabric]]:
     """Scene whose elements outside all regions are one more, and a fabric for each."""
     mesh, fabrics = scene.mesh, {}
     for name, region in file.regions.items():
+        angles = (scene.warp, region.warp_deg), (scene.weft, region.weft_deg)
         fibres = [
             plain if degrees is None else scene.turn @ _direction(degrees)
-            for plain, degrees in (
-                (scene.warp, region.warp_deg),
-                (scene.weft, region.weft_deg),
-            )
+            for plain, degrees in angles
         ]
         with _errors_in(f"region {name!r}: "):
             fabrics[name] = _fabric(
@@ -611,9 +607,8 @@ def _with_regions(
                 region.bending or file.bending,
                 (fibres[0], fibres[1]),
             )
-    named = [
-        cells for name, cells in (mesh.subdomains or {}).items() if name in fabrics
-    ]
+    subdomains = mesh.subdomains or {}
+    named = [cells for name, cells in subdomains.items() if name in fabrics]
     elsewhere = np.setdiff1d(np.arange(mesh.nelements), np.concatenate([[], *named]))
     if elsewhere.size and len(named) == len(fabrics):
         mesh = mesh.with_subdomains({_OTHERS: elsewhere})

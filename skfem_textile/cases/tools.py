@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
 from .. import declarations as declared
-from .schema import FILE, DeclaredTable, Degrees, about, table_of
+from .schema import FILE, DeclaredTable, Degrees, LengthUnit, about, table_of
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -239,7 +239,7 @@ class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
         FILE,
     ]
     unit: Annotated[
-        Literal["mm", "cm", "m", "in"] | None,
+        LengthUnit | None,
         about("unit of length of the file (default: the file's, else mm)"),
     ] = None
     offset_mm: Annotated[

@@ -17,7 +17,7 @@ from .curve import CURVE, Curve, completed, read_test_curve
 from .output import say
 from .page import Row, formatted, rows, sources, write_page
 from .result_folder import ResultFolder
-from .results import CURVES, draw_curves
+from .results import CURVES, PICTURES, draw_curves
 
 #: File of the report.
 REPORT = "report.html"
@@ -31,20 +31,6 @@ _CHECKS = {
         "resolved",
         "not resolved: a different number of steps may lead to a different equilibrium",
     ),
-}
-
-# Pictures of the last state, and their captions.
-_PICTURES = {
-    "refused.png": "Last converged state; the elements of the rejected step are marked",
-    "shear_angle.png": "Shear angle at the last load factor",
-    "draped.png": "Shear angle and contact pressure on the tool",
-    "formed.png": "Shear angle, fibres and areal weight, with the tools",
-    "section.png": "Section through ply and tools at several load factors",
-    "tool_force.png": "Force of the tools on the ply over the travel",
-    "pattern.svg": "Flat pattern",
-    "fibre_strain.png": "Fibre strain at the last load factor",
-    "fibre_directions.png": "Fibre directions at the last load factor",
-    "animation.gif": "Shear angle during loading",
 }
 
 
@@ -81,7 +67,7 @@ def run(options: Namespace) -> int:
         "points": _points(curve),
         "file": sources(folder, {CURVE: CURVE}) if curve else {},
         "no_curves": no_curves,
-        "pictures": sources(folder, _PICTURES),
+        "pictures": sources(folder, {**PICTURES, "pattern.svg": "Flat pattern"}),
         "case": text,
         "every_value": rows(values),
         "versions": rows(summary.get("versions")),

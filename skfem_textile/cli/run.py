@@ -39,10 +39,7 @@ from .run_options import as_typed, tables_of_options
 Stepper: TypeAlias = LoadStepper | ToleranceStepper
 
 # All pictures that a run may draw.
-_PICTURES = (
-    *(*results.PICTURES, *results.OF_SHEAR_TESTS),
-    *(results.DRAPED, *results.FORMED, results.REFUSED),
-)
+_PICTURES = *results.PICTURES, *results.CURVES
 
 
 def run(options: argparse.Namespace) -> int:
