@@ -1,6 +1,5 @@
 """Report of a run: one HTML page."""
 
-import json
 import tempfile
 import tomllib
 from argparse import Namespace
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cases.build import case_from_file
+from ..cases.finished import content_of, read_summary
 from ..cases.write import CASE
 from ..mesh.user_input import printable
 from ..solve.quantities import first_rows
@@ -42,8 +42,8 @@ def run(options: Namespace) -> int:
     case. Damaged results are refused.
     """
     folder = options.folder
-    summary = _summary(folder)
-    text = _text_of_file(folder / CASE)
+    summary = read_summary(folder)
+    text = content_of(folder / CASE) if (folder / CASE).is_file() else None
     test = options.test_curve or _named_test(folder, text)
     curve: Curve = {}
     curves: dict[str, str] = {}
@@ -104,34 +104,6 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
             yield "Elements", "bad", smallest
     if "exact_answer" in summary:
         yield "Exact solution", "", summary["exact_answer"]
-
-
-def _summary(folder: Path) -> dict[str, Any]:
-    """Read ``summary.json``."""
-    file = folder / "summary.json"
-    if not file.is_file():
-        raise ValueError(
-            f"{printable(folder)} is not a results folder: it contains no {file.name}"
-        )
-    try:
-        summary = json.loads(file.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError):
-        summary = None
-    if not isinstance(summary, dict) or "scene" not in summary:
-        raise ValueError(f"{printable(file)} is not the summary of a run")
-    return summary
-
-
-def _text_of_file(file: Path) -> str | None:
-    """Text of a file; None if it does not exist."""
-    if not file.is_file():
-        return None
-    try:
-        return file.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise ValueError(
-            f"{printable(file)} is damaged: it is not a text file in UTF-8"
-        ) from None
 
 
 def _named_test(folder: Path, text: str | None) -> Path | None:

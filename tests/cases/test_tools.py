@@ -39,9 +39,8 @@ def tables(*tools, scene=SCENE, **others):
 
 
 def test_tools_of_a_case_move_with_the_load_factor():
-    case = case_from_tables(
-        tables(PUNCH, DIE, HOLDER, mesh={"size": [2, 2]}, stepping={"steps": 2})
-    )
+    few = {"mesh": {"size": [2, 2]}, "stepping": {"steps": 2}}
+    case = case_from_tables(tables(PUNCH, DIE, HOLDER, **few))
     punch, die, holder = case.scene.tools
     assert punch.motion(0.5).tolist() == [0, 0, 2]
     assert punch.motion(0.75).tolist() == [0, 0, 4]
@@ -149,9 +148,7 @@ def test_a_tool_of_a_file_is_turned_about_any_axis(tmp_path):
 def test_tools_apply_to_any_scene_in_space():
     plate = {"surface": "plane", "point_mm": [0, 0, -20.0], "name": "table"}
     scene = {"name": "cantilever"}
-    case = case_from_tables(
-        {"scene": scene, "mesh": {"size": [3, 1]}, "tools": [plate]}
-    )
+    case = case_from_tables(tables(plate, scene=scene, mesh={"size": [3, 1]}))
     result = case.run()
     figures = case.summary(result)
     (table,) = contacts(result.ply)
@@ -164,16 +161,8 @@ def test_tools_apply_to_any_scene_in_space():
 
 def test_every_surface_is_in_the_reference():
     listed = {entry.choice for entry in reference() if entry.table == "[tools]"}
-    assert listed >= {
-        "triangles",
-        "plane",
-        "sphere",
-        "cylinder",
-        "cone",
-        "torus",
-        "punch",
-        "die",
-    }
+    surfaces = "triangles plane sphere cylinder cone torus punch die"
+    assert listed >= {*surfaces.split()}
 
 
 def test_rows_are_interpolated():

@@ -13,7 +13,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.cli.net_report import Part, refuse_overlap, useless_darts
 from skfem_textile.io import read_surface
 from tests.helpers import tool_shapes
-from tests.helpers.command_line import rejected, summary_in
+from tests.helpers.command_line import summary_in
 from tests.helpers.curves import write_columns
 from tests.helpers.pages import references
 from tests.helpers.tools import write
@@ -289,18 +289,3 @@ def test_a_ply_that_is_too_small_does_not_cover_the_trimmed_part(tmp_path, tool)
     summary = laid(tmp_path / "out", tool, outline, code=1)
     assert summary["area_not_covered_mm2"] == pytest.approx(2 * 10 * 20, rel=0.2)
     assert "the ply does not lie on" in summary["pattern"]
-
-
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
-        ("--layer CUT", "--layer requires --outline"),
-        ("--part-reach 2", "--part-reach requires --part-mesh or --deck"),
-        ("--outline ply.csv --best", "--outline cannot be combined with --best"),
-        ("--outline none.csv", "none.csv: No such file"),
-        ("--part-mesh none.stl", "none.stl: no such file"),
-    ],
-)
-def test_an_outline_or_a_part_is_refused(tmp_path, tool, words, text, capsys):
-    line = ["net", "--tool", str(tool), "--out", str(tmp_path / "out")]
-    assert text in rejected(capsys, *line, *words.split())

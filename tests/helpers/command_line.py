@@ -47,6 +47,13 @@ def computed(out, scene, *words):
     return summary_in(out)
 
 
+def fit(kind, *words, draw=False):
+    """Fit without pictures; each word may be several options."""
+    options = [option for word in words for option in str(word).split()]
+    quiet = [] if draw else ["--no-render"]
+    assert cli.main(["fit", kind, *options, *quiet]) == 0
+
+
 def rejected(capsys, *arguments, warnings=0):
     """The one line with which invalid input is rejected, after a number of warnings."""
     try:

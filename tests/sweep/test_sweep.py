@@ -18,7 +18,7 @@ import pytest
 
 from skfem_textile.solve import solver_threads
 from skfem_textile.sweep import SweepError, WorkerProcesses, sweep
-from tests.helpers.sweep_cases import is_alive, lines, process_pool, wait_until
+from tests.helpers.sweep_cases import is_alive, lines, process_pool
 from tests.sweep import calls
 
 threadpoolctl = pytest.importorskip("threadpoolctl")
@@ -69,7 +69,7 @@ def test_an_interrupted_script_ends_in_one_line(tmp_path):
     # Otherwise ignored if the tests run in the background of a shell.
     options["preexec_fn"] = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(command, **options) as caller:
-        wait_until(long.exists)
+        calls.wait_until(long.exists)
         os.killpg(caller.pid, signal.SIGINT)
         _, message = caller.communicate()
     assert caller.returncode == 130
@@ -283,7 +283,7 @@ def interrupted(file):
         pid = executor.submit(os.getpid).result()
         for _ in range(2):
             executor.submit(calls.takes_long, file)
-        wait_until(file.exists)
+        calls.wait_until(file.exists)
         assert is_alive(pid)
         file.write_text(str(pid))
         raise KeyboardInterrupt
@@ -304,4 +304,4 @@ def test_processes_end_when_their_caller_is_killed():
         worker = int(caller.stdout.readline())
         assert is_alive(worker)
         caller.send_signal(signal.SIGKILL)
-    wait_until(lambda: not is_alive(worker))
+    calls.wait_until(lambda: not is_alive(worker))
