@@ -3,6 +3,7 @@
 import filecmp
 import logging
 import os
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
+from msgspec import Struct
 
 from ..declarations.scenes import (
     GRADED,
@@ -47,10 +49,8 @@ from .schema import (
     FabricOfFile,
     Loads,
     Mesh,
-    Output,
     Shear,
     ShearLaw,
-    Stepping,
     Tension,
     TensionLaw,
 )
@@ -71,6 +71,24 @@ _OTHERS = "elements in no region"
 
 # Share of the area of an outline below which the loss by chords is reported.
 _WHOLE = 0.999
+
+# Keys that require another one of their table: one of those in the text.
+_REQUIRED = {
+    "fabric.thickness_mm": "fabric.file",
+    "fabric.units": "fabric.file",
+    "fabric.material": "fabric.file",
+    "fabric.compression": "fabric.file: name the file, or use tension.compression",
+    "fabric.in_compression": "fabric.file: name it, or use tension.in_compression",
+    "mesh.unit": "mesh.outline",
+    "mesh.layer": "mesh.outline",
+    "stepping.most_unknowns": "stepping.tolerance",
+    "output.part_reach_mm": "output.part_mesh or output.deck",
+    "output.pattern": "output.part_mesh, output.deck or output.trim",
+    "output.thickness_mm": "output.deck",
+    "output.material": "output.deck",
+    "output.calculix": "output.deck",
+    "output.deck": "output.thickness_mm",
+}
 
 # Density of the mesh of a drawing before the conditions are known.
 _COARSE = 0.25
@@ -230,17 +248,8 @@ def _refuse_missing(key: str, name: str) -> str:
 
 def _refuse_contradictions(file: CaseFile) -> None:
     """Refuse keys that contradict each other."""
-    of_deck = file.fabric.thickness_mm, file.fabric.units, file.fabric.material
-    if file.fabric.file is None and of_deck != (None, "N mm", None):
-        raise ValueError(
-            "fabric.thickness_mm, fabric.units and fabric.material require "
-            "fabric.file: name the file"
-        )
-    if file.fabric.file is None and file.fabric.changes_compression:
-        raise ValueError(
-            "fabric.compression and fabric.in_compression require fabric.file: name "
-            "the file, or use tension.compression and tension.in_compression"
-        )
+    tables = "fabric", "mesh", "stepping", "output"
+    refuse_incomplete({name: getattr(file, name) for name in tables})
     of_ply = {
         "fabric.file": file.fabric.file,
         "mesh.directions": file.mesh.directions,
@@ -255,32 +264,31 @@ def _refuse_contradictions(file: CaseFile) -> None:
     for key in ("part_mesh", "deck", "trim", "pattern"):
         if getattr(file.output, key) and not in_space:
             raise ValueError(f"output.{key} requires a scene with tools")
-    refuse_incomplete_exports(file.output)
-    most = file.stepping.most_unknowns
-    if file.stepping.tolerance is None and most != Stepping().most_unknowns:
-        raise ValueError(
-            "stepping.most_unknowns requires stepping.tolerance: set it too"
-        )
 
 
-def refuse_incomplete_exports(output: Output, has_pattern: bool = False) -> None:
-    """Refuse keys of exports that require others; a command may have a pattern."""
-    part = output.part_mesh or output.deck
-    for key, required, known in (
-        ("part_reach_mm", "output.part_mesh or output.deck", part),
-        (
-            "pattern",
-            "output.part_mesh, output.deck or output.trim",
-            part or output.trim or has_pattern,
-        ),
-        ("thickness_mm", "output.deck", output.deck),
-        ("material", "output.deck", output.deck),
-        ("calculix", "output.deck", output.deck),
-    ):
-        if getattr(output, key) not in (None, False) and not known:
-            raise ValueError(f"output.{key} requires {required}")
-    if output.deck and output.thickness_mm is None:
-        raise ValueError("output.deck requires output.thickness_mm")
+def refuse_incomplete(
+    tables: Mapping[str, Struct], known: Collection[str] = ()
+) -> None:
+    """Refuse keys that require another one of their table.
+
+    Parameters
+    ----------
+    tables
+        Tables by name.
+    known
+        Keys that count as given.
+    """
+
+    def is_given(key: str) -> bool:
+        table, name = key.split(".")
+        plain = type(tables[table])()
+        return key in known or getattr(tables[table], name) != getattr(plain, name)
+
+    for key, required in _REQUIRED.items():
+        table = key.partition(".")[0]
+        others = re.findall(rf"\b{table}\.\w+", required)
+        if table in tables and is_given(key) and not any(map(is_given, others)):
+            raise ValueError(f"{key} requires {required}")
 
 
 def _loads(of: Loads) -> tuple[Force | BodyForce, ...]:
@@ -324,10 +332,10 @@ def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> 
             f"[[tools]] do not apply to the scene {scene.name}, whose ply {where}: use "
             "the scene forming"
         )
-    tools = tuple(
-        tool.build(name_of_tool(number), number, scene.axes)
+    tools = [
+        tool.build(name_of_tool(number), scene.axes)
         for number, tool in enumerate(tables, 1)
-    )
+    ]
     all_tools = *scene.tools, *tools
     if not (scene.driven or all_tools):
         raise ValueError(
@@ -348,11 +356,7 @@ def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> 
 def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:
     """Refuse keys of the mesh that do not apply to its kind."""
     source, plane = printable(options.source), issubclass(scene.declaration, PlaneScene)
-    if options.outline is None:
-        for key in ("unit", "layer"):
-            if getattr(options, key) is not None:
-                raise ValueError(f"mesh.{key} requires mesh.outline")
-    else:
+    if options.outline is not None:
         _refuse_keys_beside_outline(scene, options)
     if options.source == GRADED:
         what, suitable = "a graded mesh", {"outline", "density", "unit", "layer"}

@@ -2,7 +2,7 @@
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from glob import escape
 from pathlib import Path, PurePosixPath
@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from .. import io
-from ..cases.build import refuse_incomplete_exports
+from ..cases.build import refuse_incomplete
 from ..cases.finished import read_result
 from ..cases.read import converted
 from ..cases.schema import PATTERN_KINDS, Output
@@ -170,9 +170,9 @@ class PartExport:
 
     @classmethod
     def of_options(
-        cls, options: argparse.Namespace, has_pattern: bool = False
+        cls, options: argparse.Namespace, known: Collection[str] = ()
     ) -> "PartExport":
-        """Read what the options of a command name, which may have its own pattern."""
+        """Read what options name; ``known`` are keys that the command provides."""
         keys = {
             path.removeprefix("output."): value
             for path, value in vars(options).items()
@@ -180,7 +180,7 @@ class PartExport:
         }
         try:
             output = converted("output", keys, Output)
-            refuse_incomplete_exports(output, has_pattern)
+            refuse_incomplete({"output": output}, known)
             return cls.read(output)
         except ValueError as error:
             raise ValueError(as_typed(str(error), options)) from None
@@ -285,7 +285,7 @@ class PartExport:
         if self.deck is None:
             return {}
         thickness = self.output.thickness_mm
-        assert thickness is not None  # see `refuse_incomplete_exports`
+        assert thickness is not None  # see `refuse_incomplete`
         (folder / _DECK).mkdir()
         files = io.write_part_deck(
             *(folder / _DECK, self.deck, self._on(sheet, self.deck.mesh)),

@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
     _refuse_combinations(options)
     began = perf_counter()
     log_to_stderr(0)
-    export = PartExport.of_options(options, has_pattern=True)
+    export = PartExport.of_options(options, known=["output.trim"])
     export = replace(export, curves=(), no_curves="")
     export.refuse_folder(options.out)
     with shown("laying the net", printed=True):

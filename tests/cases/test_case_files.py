@@ -365,5 +365,5 @@ def test_two_statements_about_compression_are_refused(tmp_path, tension, keys, t
 
 def test_a_law_in_compression_requires_a_fabric_of_a_file():
     tables = {"scene": {"name": "strip"}, "fabric": {"compression": "none"}}
-    with pytest.raises(CaseFileError, match="require fabric"):
+    with pytest.raises(CaseFileError, match="requires fabric"):
         case_from_tables(tables)

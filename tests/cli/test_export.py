@@ -14,6 +14,7 @@ from skfem_textile.cli.export import decks_in
 from skfem_textile.io import write_pattern
 from tests.helpers import graph
 from tests.helpers.command_line import rejected
+from tests.helpers.specimen import write_case
 
 pytestmark = pytest.mark.usefixtures("no_interval")
 
@@ -125,6 +126,8 @@ def folders(formed):
     for name, content in ("cut", b"<VTKFile"), ("other", other):
         shutil.copytree(formed / "out", formed / name)
         (formed / name / "fields" / "step_0001.vtu").write_bytes(content)
+    (formed / "own").mkdir()
+    write_case(formed / "own").rename(formed / "own" / "case.toml")
     return formed
 
 
@@ -135,6 +138,7 @@ def folders(formed):
         ("out --part-mesh none.stl", "none.stl: no such file"),
         ("out --part-mesh part.stl --part-reach 0", "--part-reach must be a number >"),
         ("nowhere --part-mesh part.stl", "case.toml is missing: name the results"),
+        ("own --part-mesh part.stl", "own/case.toml was not written by a run"),
         ("cut --part-mesh part.stl", "step_0001.vtu cannot be read"),
         ("other --part-mesh part.stl", "does not belong to the case"),
         ("plane --part-mesh part.stl", "is in its plane: exports require tools"),

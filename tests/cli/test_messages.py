@@ -81,15 +81,9 @@ LINES = {
         ("--shear-law sin", "'sin': expected one of linear, sin2, FILE.csv"),
         ("--shear-law FILE.csv", "--shear-law FILE.csv: no such file"),
         (f"{LOCKING} {LAST}=60", "shear stiffness must be a finite number > 0, got 0"),
-        (
-            f"{LOCKING} --shear-stiffness 1 {LAST}=120",
-            "shear.locking_angle_deg must be a number <= 90.0",
-        ),
+        (f"{LOCKING} {LAST}=120", "shear.locking_angle_deg must be a number <= 90.0"),
         ("--set tension.file=a.csv", "a table of a law has no key"),
-        (
-            "--shear-law tension.csv",
-            "tension.csv, row 1: the header must be of the form 'shear angle (deg)",
-        ),
+        ("--shear-law tension.csv", "row 1: the header must be of the form 'shear ang"),
         (
             "--tension-law tension.csv --fibre-stiffness 3",
             "--fibre-stiffness requires that --tension-law is linear or crimp-",
@@ -112,17 +106,13 @@ LINES = {
         ("--tolerance 2", "must be between 0 and 1"),
         ("--tolerance 0.1 --checkpoint", "cannot write checkpoints"),
         (
-            "--mesh delaunay --size 2x4 --tolerance 0.1 "
-            "--set stepping.most_unknowns=10",
+            "--size 2x4 --tolerance 0.1 --set stepping.most_unknowns=10",
             "more than most_unknowns, 10",
         ),
-        (
-            "--set stepping.most_unknowns=5000",
-            "stepping.most_unknowns requires --tolerance",
-        ),
+        ("--set stepping.most_unknowns=9", "most_unknowns requires --tolerance"),
     ],
     "run bias_extension --size 3x6 --out out": [
-        ("--set fabric.thickness_mm=0.3", "fabric.material require --fabric"),
+        ("--set fabric.thickness_mm=0.3", "fabric.thickness_mm requires --fabric"),
         ("--fabric cloth.json --fibre-stiffness 1", "[tension] sets a law"),
         ("--directions ply.vtu", "there are 32 fibre directions for 18 elements"),
     ],
@@ -138,10 +128,7 @@ LINES = {
         ("ply.vtu --warp 0", "must be given together"),
         ("ply.vtu --warp east --weft 90", "degrees, got 'east'"),
         ("ply.vtu --warp 0 --weft 90 --directions x", "omit one"),
-        (
-            "ply.vtu --directions other.csv",
-            "other.csv has fibre directions for 1 elements, but the mesh has 32",
-        ),
+        ("ply.vtu --directions other.csv", "for 1 elements, but the mesh has 32"),
     ],
     "net --tool cap.stl --out out": [
         ("--cell -1", "expected a positive length in mm, got '-1'"),
@@ -289,18 +276,10 @@ CASES = [
     ("size = [2, 3]", "size = [3]", "must be an array of length 2, got 1"),
     ("size = [2, 3]", "size = 1979-05-27", "must be an array, got a date"),
     ('"superlu"', '"supreme"', "expected one of auto, rslab"),
-    (
-        "[loads.force_N]",
-        "[loads]\nforce_N = 1\n[x]",
-        "loads.force_N must be a table, got an integer",
-    ),
+    ("[loads.force_N]", "[loads]\nforce_N = 1\n[x]", "force_N must be a table, got an"),
     ("[shear]", "[regions.a]\n[shear]", "no subdomain 'a' (available: none)"),
     ("[shear]", "[regions.a.tensio]\n[shear]", "regions.a has no key 'tensio'"),
-    (
-        "[shear]",
-        "[fabric]\nfile = 'a.inp'\n[shear]",
-        "[tension] sets a law, but fabric.file",
-    ),
+    ("[shear]", "[fabric]\nfile = 'a.inp'\n[shear]", "[tension] sets a law, but fab"),
     ("[mesh]", "[mesh]\ndirections = 'a.csv'", "a.csv"),
 ]
 
