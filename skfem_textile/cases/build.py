@@ -562,13 +562,16 @@ def _warn_of_other_directions(
     file: CaseFile, laws: Fabric, scene: "Scene", used: Fabric
 ) -> None:
     """Warn if the file of the fabric states directions that the run does not use."""
+    fabric, other = str(file.fabric.file), file.mesh.directions
+    is_deck = Path(fabric).suffix.lower() != ".json"
+    if is_deck and isinstance(laws.warp, tuple):
+        return  # without orientations of elements
     if not _has_other_directions(laws, scene, used):
         return
-    fabric, other = str(file.fabric.file), file.mesh.directions
     how = (
-        "write them with write_directions and name this file in mesh.directions"
-        if Path(fabric).suffix.lower() == ".json"
-        else "name this file in mesh.directions too"
+        "name this file in mesh.directions too"
+        if is_deck
+        else "write them with write_directions and name this file in mesh.directions"
     )
     log.warning(
         "%s: the fibre directions in this file are ignored; the directions from %s "
@@ -580,8 +583,6 @@ def _warn_of_other_directions(
 
 
 def _has_other_directions(laws: Fabric, scene: "Scene", used: Fabric) -> bool:
-    if laws.warp is Fabric.warp and laws.weft is Fabric.weft:
-        return False  # a deck without orientations
     try:
         first, second = (directions_of(scene.mesh, one) for one in (laws, used))
     except ValueError:  # another number of elements

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import meshio
 import numpy as np
 import pytest
+import shapely
 from scipy.spatial import KDTree
 
 from skfem_textile import drape
@@ -161,6 +162,12 @@ def trim(path, x, y):
     return write_columns(path, "x,y,z", x, y, z)
 
 
+def trim_box(path, *sides):
+    """A trimming curve along a rectangle between x, y and x, y."""
+    ring = shapely.segmentize(shapely.box(*sides), 4.0).exterior
+    return trim(path, *np.array(ring.xy)[:, :-1])
+
+
 def test_without_a_pattern_the_exit_code_is_one(tmp_path, tool):
     """The curve is a figure of eight."""
     t = np.linspace(0, 2 * np.pi, 80, endpoint=False)
@@ -204,11 +211,7 @@ def test_the_best_start_is_searched_over_the_trimmed_part(
         return SimpleNamespace(start=start, **measures)
 
     monkeypatch.setattr(drape, "best_start", best_start)
-    s = np.linspace(-1.0, 1.0, 16, endpoint=False)
-    side, end = np.full(16, 1.0), 15 * s - 25
-    x = np.concatenate([end, -10 * side, end[::-1] + 2, -40 * side])
-    y = np.concatenate([-30 * side, 30 * s, 30 * side, -30 * s])
-    curve = trim(tmp_path / "trim.csv", x, y)
+    curve = trim_box(tmp_path / "trim.csv", -40, -30, -10, 30)
     words = f"--cell 6 --trim {curve} {fibres} --best largest"
     summary = laid(tmp_path / "best", tool, words)
     assert searched["measure"] == "largest"
@@ -281,10 +284,7 @@ def test_a_ply_with_an_outline_covers_its_own_area(tmp_path, tool):
 
 def test_a_ply_that_is_too_small_does_not_cover_the_trimmed_part(tmp_path, tool):
     (tmp_path / "ply.csv").write_text("\n".join(OUTLINE))
-    s = np.linspace(-1, 1, 12, endpoint=False)
-    one = np.full(12, 1.0)
-    x, y = np.concatenate([s, one, -s, -one]), np.concatenate([-one, s, one, -s])
-    curve = trim(tmp_path / "trim.csv", 30 * x, 10 * y)
+    curve = trim_box(tmp_path / "trim.csv", -30, -10, 30, 10)
     outline = f"--outline {tmp_path / 'ply.csv'} --cell 3 --point 0 0 0 --trim {curve}"
     summary = laid(tmp_path / "out", tool, outline, code=1)
     assert summary["area_not_covered_mm2"] == pytest.approx(2 * 10 * 20, rel=0.2)
