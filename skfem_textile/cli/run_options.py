@@ -5,12 +5,13 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from functools import partial
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ..cases.read import CaseFile, declared
 from ..cases.scenes import SCENES, Scene
-from ..cases.schema import FILE, about, summary_of
+from ..cases.schema import FILE, about, named, summary_of
 from ..cases.write import key_help, meaning, tables_of
 from ..declarations import words
 from ..declarations.scenes import AnyScene, Specimen, WithTools
@@ -119,8 +120,8 @@ def add_exports(parser: argparse.ArgumentParser, others: Options) -> None:
     """Add the options of a command, and missing ones of exports."""
     add(parser, others)
     exports = {f: p for f, p in _OPTIONS_WITH_TOOLS.items() if f"--{f}" not in others}
-    _add_keys(parser, exports, get_type_hints(CaseFile), {})
-    parser.set_defaults(flags={path: f"--{flag}" for flag, path in exports.items()})
+    flags = _add_keys(parser, exports, get_type_hints(CaseFile), {})
+    parser.set_defaults(flags=flags)
 
 
 def as_typed(message: str, options: argparse.Namespace) -> str:
@@ -131,16 +132,17 @@ def as_typed(message: str, options: argparse.Namespace) -> str:
 
 
 def _add_scene(
-    scenes: Any, name: str, about: str, scene: type[Scene] | None, **settings: Any
+    scenes: Any, name: str, summary: str, scene: type[Scene] | None, **settings: Any
 ) -> None:
     """Add a scene, or a case file in its place, with options for its keys."""
     parser = scenes.add_parser(
         name,
-        help=about,
+        help=summary,
         epilog=_EXIT_CODES,
         add_help=False,
         usage="%(prog)s --out DIR [option ...] [--set KEY=VALUE ...]",
-        formatter_class=_Formatter,
+        # Options and their help are on the same line.
+        formatter_class=partial(argparse.HelpFormatter, max_help_position=32, width=88),
         **settings,
     )
     parser.add_argument(
@@ -161,8 +163,7 @@ def _add_scene(
         }
         for title, options in groups.items():
             group = parser.add_argument_group(title)
-            _add_keys(group, options, tables, defaults)
-            flags |= {path: f"--{flag}" for flag, path in options.items()}
+            flags |= _add_keys(group, options, tables, defaults)
     parser.set_defaults(flags=flags)
     add(parser, _EVERY)
     parser.add_argument(
@@ -175,9 +176,12 @@ def _add_scene(
 
 def _options_of_scene(scene: type[Scene]) -> dict[str, str]:
     """Keys of a scene by option."""
-    keys = [key for key in get_type_hints(scene) if key in scene.__struct_fields__]
-    flags = (_RENAMED.get(key, _without_unit(key)).replace("_", "-") for key in keys)
-    return {flag: f"scene.{key}" for flag, key in zip(flags, keys, strict=True)}
+    options = {}
+    for key in scene.__struct_fields__:
+        without_unit = re.sub(r"_(deg|mm|N|N_per_mm2?)$", "", key)
+        flag = _RENAMED.get(key, without_unit).replace("_", "-")
+        options[flag] = f"scene.{key}"
+    return options
 
 
 def _common_options(scene: type[AnyScene]) -> dict[str, str]:
@@ -196,8 +200,11 @@ def _add_keys(
     options: Mapping[str, str],
     tables: Mapping[str, Any],
     defaults: Mapping[str, Any],
-) -> None:
-    """Add options of keys, whose help is the meaning of the key and its default."""
+) -> dict[str, str]:
+    """Add options of keys; returns the options by key.
+
+    Their help is the meaning of the key and its default.
+    """
     for flag, path in options.items():
         table, key = path.split(".")
         hint = _type_of(table, key, tables[table])
@@ -208,6 +215,7 @@ def _add_keys(
         parser.add_argument(
             f"--{flag}", dest=path, default=argparse.SUPPRESS, **keywords
         )
+    return {path: f"--{flag}" for flag, path in options.items()}
 
 
 def _keywords(flag: str, path: str, hint: Any) -> dict[str, Any]:
@@ -253,24 +261,12 @@ def _default(value: Any) -> str:
 def _type_of(table: str, key: str, hint: Any) -> Any:
     """Type and meaning of a key that has an option."""
     if key == "name":
-        names = tuple(one.__struct_config__.tag for one in get_args(hint))
-        return Annotated[Literal[names], about("element formulation")]
+        return Annotated[Literal[(*named(hint),)], about("element formulation")]
     if table in ("tension", "shear"):
         if key == "law":
             return Annotated[str, about("name of a law, or a .csv or .json file")]
         return Annotated[float, about(f"{table} stiffness in N/mm")]
     return get_type_hints(hint, include_extras=True)[key]
-
-
-def _without_unit(key: str) -> str:
-    return re.sub(r"_(deg|mm|N|N_per_mm2?)$", "", key)
-
-
-class _Formatter(argparse.HelpFormatter):
-    """Help formatter that prints options and help on the same line."""
-
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog, max_help_position=32, width=88)
 
 
 class _Help(argparse.Action):
