@@ -1,5 +1,7 @@
 """Tools in case files: surfaces, motions, holders, round trip and bad input."""
 
+import re
+
 import meshio
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from skfem_textile.cases.write import case_text, reference
 from skfem_textile.contact import Holder, contacts
 from skfem_textile.drape import Die
 from tests.helpers import graph
+from tests.helpers.curves import write_columns
 
 PUNCH = {
     "surface": "sphere",
@@ -157,6 +160,19 @@ def test_tools_apply_to_any_scene_in_space():
     assert "tip_error_over_length" not in figures
     assert {"table_gap_mm", "table_force_N"} & figures.keys()
     assert figures["exact_answer"] == "none: tools act on the ply"
+
+
+def test_the_share_of_an_outline_that_elements_cover_is_logged(tmp_path, caplog):
+    """A circle, off the origin, by few elements."""
+    t = np.linspace(0.0, 2 * np.pi, 60, endpoint=False)
+    circle = np.stack([50 + 60 * np.cos(t), 60 * np.sin(t)])
+    outline = str(write_columns(tmp_path / "circle.csv", "x,y", *circle))
+    mesh = {"outline": outline, "size": [3, 3]}
+    case = case_from_tables(tables(PUNCH, scene={"name": "forming"}, mesh=mesh))
+    x = case.scene.mesh.p
+    assert x.min(axis=1) == pytest.approx(-x.max(axis=1), abs=2.0)
+    share = re.search(r"cover ([\d.]+) % of it", caplog.text)[1]
+    assert 75 < float(share) < 95
 
 
 def test_every_surface_is_in_the_reference():

@@ -97,7 +97,9 @@ def test_fibres_turn_with_the_angle(tmp_path, tool):
 
 def test_a_hole_is_cut_out_of_the_pattern_and_of_the_part(tmp_path):
     ring = write(tmp_path / "ring.stl", *tool_shapes.ring(inner=40.0, outer=100.0))
-    summary = laid(tmp_path / "out", ring, "--cell 16 --point 70 0 0")
+    words = "--cell 16 --point 70 0 0 --pattern csv"
+    summary = laid(tmp_path / "out", ring, words)
+    assert [file.name for file in tmp_path.glob("out/pattern.*")] == ["pattern.csv"]
     area = np.pi * (100.0**2 - 40.0**2)
     for what in ("pattern_area_mm2", "area_of_part_mm2", "area_of_tool_mm2"):
         assert summary[what] == pytest.approx(area, rel=5e-3)
