@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pytest
 
@@ -17,9 +16,8 @@ from skfem_textile.cli.interruption import INTERRUPTED, held, raised
 from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.solve import interval
 from skfem_textile.solve.stepper import Run
-from tests.helpers.command_line import DRAWN, QUICK, is_whole, summary_in
+from tests.helpers.command_line import DRAWN, OF_CHILD, QUICK, is_whole, summary_in
 
-OF_CHILD = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")

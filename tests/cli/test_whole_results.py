@@ -15,9 +15,7 @@ from skfem_textile.cli.run import run
 from skfem_textile.io import write_fields, write_history
 from skfem_textile.scenes import strip
 from tests.helpers import full_disk
-from tests.helpers.command_line import QUICK, is_whole
-
-ROOT = Path(__file__).parents[2]
+from tests.helpers.command_line import OF_CHILD, QUICK, is_whole
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="locks are POSIX's"),
@@ -102,7 +100,7 @@ def test_a_failure_to_print_is_reported_in_one_line(word):
             stderr=subprocess.PIPE,
             text=True,
             check=False,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            env=OF_CHILD,
         )
     assert child.returncode == 1
     reason = "cannot write to the standard output: No space left on device"
