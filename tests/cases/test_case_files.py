@@ -19,6 +19,7 @@ from skfem_textile import (
     Sin2,
     Tabulated,
     TensionOnly,
+    __version__,
 )
 from skfem_textile.cases import (
     CaseFileError,
@@ -64,10 +65,13 @@ def test_a_file_describes_a_whole_case(tmp_path):
     assert (case.steps, case.solver, case.pictures) == (2, "superlu", False)
 
 
-def test_the_written_case_has_every_default(tmp_path):
+def test_the_written_case_and_the_summary_have_every_default(tmp_path):
     assert cli.main(["run", "strip", *QUICK, "--out", str(tmp_path / "out")]) == 0
     text = (tmp_path / "out" / "case.toml").read_text()
-    assert tomllib.loads(text) == {
+    case = tomllib.loads(text)
+    inputs = summary_of(tmp_path / "out")["inputs"]
+    assert inputs == {**case, "regions": {}, "version": __version__}
+    assert case == {
         "scene": {"name": "strip", "rotate_deg": 0.0},
         "mesh": {
             **{"source": "irregular", "size": [2, 3], "jitter": 0.3, "seed": 1},

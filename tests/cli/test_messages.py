@@ -72,7 +72,10 @@ LINES = {
         ("--set 'stepping.steps=2\nfoo=9'", "stepping.steps must be an integer"),
         (f"--set scene.{'a.' * 1500}b=1", "expected KEY=VALUE, such as stepping.st"),
         ("--size=--", "expected a value, got"),
-        ("--resume ''", "argument --resume: the name of a folder must not be empty"),
+        *(
+            (f"--{x} ''", f"argument --{x}: the name of a folder must not be empty")
+            for x in ("out", "checkpoint", "resume")
+        ),
         # loads
         ("--force top=1", "--force must be an array"),
         ("--force =1,2", "argument --force: expected NAME=VALUE, such as top=0,40"),
