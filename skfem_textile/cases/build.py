@@ -3,6 +3,7 @@
 import filecmp
 import logging
 import os
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
+from msgspec import Struct
 
 from ..declarations.scenes import (
     GRADED,
@@ -47,10 +49,8 @@ from .schema import (
     FabricOfFile,
     Loads,
     Mesh,
-    Output,
     Shear,
     ShearLaw,
-    Stepping,
     Tension,
     TensionLaw,
 )
@@ -71,6 +71,24 @@ _OTHERS = "elements in no region"
 
 # Share of the area of an outline below which the loss by chords is reported.
 _WHOLE = 0.999
+
+# Keys that require another one of their table: one of those in the text.
+_REQUIRED = {
+    "fabric.thickness_mm": "fabric.file",
+    "fabric.units": "fabric.file",
+    "fabric.material": "fabric.file",
+    "fabric.compression": "fabric.file: name the file, or use tension.compression",
+    "fabric.in_compression": "fabric.file: name it, or use tension.in_compression",
+    "mesh.unit": "mesh.outline",
+    "mesh.layer": "mesh.outline",
+    "stepping.most_unknowns": "stepping.tolerance",
+    "output.part_reach_mm": "output.part_mesh or output.deck",
+    "output.pattern": "output.part_mesh, output.deck or output.trim",
+    "output.thickness_mm": "output.deck",
+    "output.material": "output.deck",
+    "output.calculix": "output.deck",
+    "output.deck": "output.thickness_mm",
+}
 
 # Density of the mesh of a drawing before the conditions are known.
 _COARSE = 0.25
@@ -172,17 +190,16 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     """
     with_files(file, _refuse_missing)
     _refuse_contradictions(file)
-    laws = (
-        _fabric(file.tension, file.shear, file.bending)
-        if file.fabric.file is None
-        else _fabric_of_file(file.fabric.file, file.fabric)
-    )
+    if file.fabric.file is None:
+        laws = _fabric(file.tension, file.shear, file.bending)
+    else:
+        laws = _fabric_of_file(file.fabric.file, file.fabric)
     scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
     fabric: Any = replace(laws, warp=scene.warp, weft=scene.weft)
     if file.mesh.directions is not None:
         scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
-    if file.fabric.file is not None and _has_other_directions(laws, scene, fabric):
-        _warn_of_other_directions(file)
+    if file.fabric.file is not None:
+        _warn_of_other_directions(file, laws, scene, fabric)
     if file.regions:
         scene, fabric = _with_regions(scene, fabric, file)
     loads = _loads(file.loads)
@@ -231,56 +248,47 @@ def _refuse_missing(key: str, name: str) -> str:
 
 def _refuse_contradictions(file: CaseFile) -> None:
     """Refuse keys that contradict each other."""
-    of_deck = file.fabric.thickness_mm, file.fabric.units, file.fabric.material
-    if file.fabric.file is None and of_deck != (None, "N mm", None):
-        raise ValueError(
-            "fabric.thickness_mm, fabric.units and fabric.material require "
-            "fabric.file: name the file"
-        )
-    if file.fabric.file is None and file.fabric.changes_compression:
-        raise ValueError(
-            "fabric.compression and fabric.in_compression require fabric.file: name "
-            "the file, or use tension.compression and tension.in_compression"
-        )
-    for key, named in (
-        ("fabric.file", file.fabric.file),
-        ("mesh.directions", file.mesh.directions),
-    ):
+    tables = "fabric", "mesh", "stepping", "output"
+    refuse_incomplete({name: getattr(file, name) for name in tables})
+    of_ply = {
+        "fabric.file": file.fabric.file,
+        "mesh.directions": file.mesh.directions,
+    }
+    for key, named in of_ply.items():
         if named is not None and file.regions:
             raise ValueError(
                 f"{key} applies to the whole ply, but regions are given: omit one of "
                 "them"
             )
+    in_space = issubclass(file.scene.declaration, WithTools)
     for key in ("part_mesh", "deck", "trim", "pattern"):
-        in_space = issubclass(file.scene.declaration, WithTools)
         if getattr(file.output, key) and not in_space:
             raise ValueError(f"output.{key} requires a scene with tools")
-    refuse_incomplete_exports(file.output)
-    most = file.stepping.most_unknowns
-    if file.stepping.tolerance is None and most != Stepping().most_unknowns:
-        raise ValueError(
-            "stepping.most_unknowns requires stepping.tolerance: set it too"
-        )
 
 
-def refuse_incomplete_exports(output: Output, has_pattern: bool = False) -> None:
-    """Refuse keys of exports that require others; a command may have a pattern."""
-    part = output.part_mesh or output.deck
-    for key, required, known in (
-        ("part_reach_mm", "output.part_mesh or output.deck", part),
-        (
-            "pattern",
-            "output.part_mesh, output.deck or output.trim",
-            part or output.trim or has_pattern,
-        ),
-        ("thickness_mm", "output.deck", output.deck),
-        ("material", "output.deck", output.deck),
-        ("calculix", "output.deck", output.deck),
-    ):
-        if getattr(output, key) not in (None, False) and not known:
-            raise ValueError(f"output.{key} requires {required}")
-    if output.deck and output.thickness_mm is None:
-        raise ValueError("output.deck requires output.thickness_mm")
+def refuse_incomplete(
+    tables: Mapping[str, Struct], known: Collection[str] = ()
+) -> None:
+    """Refuse keys that require another one of their table.
+
+    Parameters
+    ----------
+    tables
+        Tables by name.
+    known
+        Keys that count as given.
+    """
+
+    def is_given(key: str) -> bool:
+        table, name = key.split(".")
+        plain = type(tables[table])()
+        return key in known or getattr(tables[table], name) != getattr(plain, name)
+
+    for key, required in _REQUIRED.items():
+        table = key.partition(".")[0]
+        others = re.findall(rf"\b{table}\.\w+", required)
+        if table in tables and is_given(key) and not any(map(is_given, others)):
+            raise ValueError(f"{key} requires {required}")
 
 
 def _loads(of: Loads) -> tuple[Force | BodyForce, ...]:
@@ -298,16 +306,15 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     """
     scene, options = file.scene, file.mesh
     _refuse_other_mesh_keys(scene, options)
-    mesh: str | SkfemMesh = options.source
-    size = options.size and tuple(round(density * n) for n in options.size)
-    of_grid = {"size": size, "jitter": options.jitter, "seed": options.seed}
-    of_grid = {key: value for key, value in of_grid.items() if value is not None}
     if options.source == GRADED:
         built = _graded(file, laws, density)
     elif options.outline is not None:
         built = _outlined(file, density)
     elif options.source in MESH_KINDS:
-        built = scene.build(mesh, **of_grid)
+        size = options.size and tuple(round(density * n) for n in options.size)
+        of_grid = {"size": size, "jitter": options.jitter, "seed": options.seed}
+        stated = {key: value for key, value in of_grid.items() if value is not None}
+        built = scene.build(options.source, **stated)
     else:
         mesh = _read(options.source, options.directions, file.fabric.file)
         built = scene.build(mesh)
@@ -325,10 +332,10 @@ def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> 
             f"[[tools]] do not apply to the scene {scene.name}, whose ply {where}: use "
             "the scene forming"
         )
-    tools = tuple(
-        tool.build(name_of_tool(number), number, scene.axes)
+    tools = [
+        tool.build(name_of_tool(number), scene.axes)
         for number, tool in enumerate(tables, 1)
-    )
+    ]
     all_tools = *scene.tools, *tools
     if not (scene.driven or all_tools):
         raise ValueError(
@@ -349,11 +356,7 @@ def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> 
 def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:
     """Refuse keys of the mesh that do not apply to its kind."""
     source, plane = printable(options.source), issubclass(scene.declaration, PlaneScene)
-    if options.outline is None:
-        for key in ("unit", "layer"):
-            if getattr(options, key) is not None:
-                raise ValueError(f"mesh.{key} requires mesh.outline")
-    else:
+    if options.outline is not None:
         _refuse_keys_beside_outline(scene, options)
     if options.source == GRADED:
         what, suitable = "a graded mesh", {"outline", "density", "unit", "layer"}
@@ -477,11 +480,8 @@ def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh
     """The mesh of a file, which may also contain directions and the fabric."""
     from ..io import OF_DIRECTIONS, OF_FABRICS, read_mesh
 
-    others = [
-        *(OF_DIRECTIONS * _is_copy(directions, source)),
-        *(OF_FABRICS * _is_copy(fabric, source)),
-    ]
-    return read_mesh(source, others)
+    others = OF_DIRECTIONS * _is_copy(directions, source)
+    return read_mesh(source, (*others, *OF_FABRICS * _is_copy(fabric, source)))
 
 
 def _is_copy(named: str | None, file: str) -> bool:
@@ -558,12 +558,33 @@ def _with_directions(
     return replace(scene, misfit=misfit), turned.on(fabric)
 
 
-def _has_other_directions(declared: Fabric, scene: "Scene", used: Fabric) -> bool:
-    """True if a file states directions that the run does not use."""
-    if declared.warp is Fabric.warp and declared.weft is Fabric.weft:
-        return False  # a deck without orientations
+def _warn_of_other_directions(
+    file: CaseFile, laws: Fabric, scene: "Scene", used: Fabric
+) -> None:
+    """Warn if the file of the fabric states directions that the run does not use."""
+    fabric, other = str(file.fabric.file), file.mesh.directions
+    is_deck = Path(fabric).suffix.lower() != ".json"
+    if is_deck and isinstance(laws.warp, tuple):
+        return  # without orientations of elements
+    if not _has_other_directions(laws, scene, used):
+        return
+    how = (
+        "name this file in mesh.directions too"
+        if is_deck
+        else "write them with write_directions and name this file in mesh.directions"
+    )
+    log.warning(
+        "%s: the fibre directions in this file are ignored; the directions from %s "
+        "are used: to use them, %s",
+        printable(fabric),
+        "the scene" if other is None else printable(other),
+        how,
+    )
+
+
+def _has_other_directions(laws: Fabric, scene: "Scene", used: Fabric) -> bool:
     try:
-        first, second = (directions_of(scene.mesh, one) for one in (declared, used))
+        first, second = (directions_of(scene.mesh, one) for one in (laws, used))
     except ValueError:  # another number of elements
         return True
     for A, B in (first.warp, second.warp), (first.weft, second.weft):
@@ -573,36 +594,16 @@ def _has_other_directions(declared: Fabric, scene: "Scene", used: Fabric) -> boo
     return False
 
 
-def _warn_of_other_directions(file: CaseFile) -> None:
-    fabric, other = str(file.fabric.file), file.mesh.directions
-    source = "the scene" if other is None else printable(other)
-    how = (
-        "to use them, write them with write_directions and name this file in "
-        "mesh.directions"
-        if Path(fabric).suffix.lower() == ".json"
-        else "to use them, name this file in mesh.directions too"
-    )
-    log.warning(
-        "%s: the fibre directions in this file are ignored; the directions from %s "
-        "are used: %s",
-        printable(fabric),
-        source,
-        how,
-    )
-
-
 def _with_regions(
     scene: "Scene", fabric: Fabric, file: CaseFile
 ) -> tuple["Scene", dict[str, Fabric]]:
     """Scene whose elements outside all regions are one more, and a fabric for each."""
     mesh, fabrics = scene.mesh, {}
     for name, region in file.regions.items():
+        angles = (scene.warp, region.warp_deg), (scene.weft, region.weft_deg)
         fibres = [
             plain if degrees is None else scene.turn @ _direction(degrees)
-            for plain, degrees in (
-                (scene.warp, region.warp_deg),
-                (scene.weft, region.weft_deg),
-            )
+            for plain, degrees in angles
         ]
         with _errors_in(f"region {name!r}: "):
             fabrics[name] = _fabric(
@@ -611,9 +612,8 @@ def _with_regions(
                 region.bending or file.bending,
                 (fibres[0], fibres[1]),
             )
-    named = [
-        cells for name, cells in (mesh.subdomains or {}).items() if name in fabrics
-    ]
+    subdomains = mesh.subdomains or {}
+    named = [cells for name, cells in subdomains.items() if name in fabrics]
     elsewhere = np.setdiff1d(np.arange(mesh.nelements), np.concatenate([[], *named]))
     if elsewhere.size and len(named) == len(fabrics):
         mesh = mesh.with_subdomains({_OTHERS: elsewhere})

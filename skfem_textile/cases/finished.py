@@ -92,17 +92,11 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
     (3, 81)
     """
     folder = Path(folder)
-    text = _content(folder / CASE)
+    text = content_of(folder / CASE)
     if not text.startswith(WRITTEN):
         raise ValueError(f"{printable(folder / CASE)} was not written by a run")
     case, file, load_factor = case_from_file(folder / CASE), *_last(folder / "fields")
-    try:
-        summary = json.loads(_content(folder / "summary.json"))
-    except json.JSONDecodeError as error:
-        raise ValueError(
-            f"{printable(folder / 'summary.json')}: damaged: {error}"
-        ) from None
-    ply = case.ply()
+    summary, ply = read_summary(folder), case.ply()
     X, moves = _displacement(file)
     axes, mesh = case.scene.axes, ply.mesh
     flat = axes.of_tool(np.pad(mesh.p, ((0, 1), (0, 0))))
@@ -120,19 +114,42 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
     return FinishedRun(case, ply, moves.T.ravel(), load_factor, summary)
 
 
-def _content(file: Path) -> str:
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Read ``summary.json`` of a run.
+
+    Raises
+    ------
+    ValueError
+        If it is missing, damaged or not the summary of a run.
+    """
+    file = folder / "summary.json"
+    try:
+        summary = json.loads(content_of(file))
+    except (json.JSONDecodeError, RecursionError):
+        summary = None
+    if not isinstance(summary, dict) or "scene" not in summary:
+        raise ValueError(f"{printable(file)} is not the summary of a run")
+    return summary
+
+
+def content_of(file: Path) -> str:
+    """Text of a file of a results folder; a ValueError if it is missing or damaged."""
     try:
         return file.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise ValueError(
             f"{printable(file)} is missing: name the results folder of a run"
         ) from None
+    except UnicodeDecodeError:
+        raise ValueError(
+            f"{printable(file)} is damaged: it is not a text file in UTF-8"
+        ) from None
 
 
 def _last(folder: Path) -> tuple[Path, float]:
     """File of the last state, and its load factor."""
     series = folder / "steps.pvd"
-    listed = _STEP.findall(_content(series))
+    listed = _STEP.findall(content_of(series))
     if not listed:
         raise ValueError(f"{printable(series)} lists no states: run the case again")
     load_factor, name = listed[-1]

@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, 
 from msgspec import field
 
 from ..declarations import scenes as declared
-from .schema import DeclaredTable, Degrees, about, named, snake_case, table_of
+from .schema import (
+    DeclaredTable,
+    Degrees,
+    LengthUnit,
+    about,
+    named,
+    snake_case,
+    table_of,
+)
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -117,7 +125,7 @@ _OF_PLY = "fibres", "width", "height", "tension", "part"
 def _unit(of: str) -> dict[str, Any]:
     """Key with the unit of files."""
     text = f"unit of length of the {of} (default: the file's, else mm)"
-    return {"unit": Annotated[Literal["mm", "cm", "m", "in"] | None, about(text)]}
+    return {"unit": Annotated[LengthUnit | None, about(text)]}
 
 
 _SETTINGS: dict[type[declared.Scene], dict[str, Any]] = {

@@ -47,6 +47,9 @@ def about(text: str) -> Meta:
 #: Metadata of a key whose value is a file name.
 FILE = Meta(extra={"file": True})
 
+#: Units of length of files, see `IN_MM`.
+LengthUnit: TypeAlias = Literal["mm", "cm", "m", "in"]
+
 Degrees: TypeAlias = Annotated[float, Meta(ge=-MOST_DEGREES, le=MOST_DEGREES)]
 
 
@@ -212,7 +215,7 @@ class Mesh(Table):
         FILE,
     ] = None
     unit: Annotated[
-        Literal["mm", "cm", "m", "in"] | None,
+        LengthUnit | None,
         about("unit of length of the drawing (default: the file's, else mm)"),
     ] = None
     layer: Annotated[

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
 from .. import declarations as declared
-from .schema import FILE, DeclaredTable, Degrees, about, table_of
+from .schema import FILE, DeclaredTable, Degrees, LengthUnit, about, table_of
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -82,15 +82,13 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         about(f"for a holder: pressure towards the surface; or {_ROWS}"),
     ] = None
 
-    def build(self, what: str, number: int, axes: "Axes") -> "Tool | Holder":
+    def build(self, what: str, axes: "Axes") -> "Tool | Holder":
         """Build the tool.
 
         Parameters
         ----------
         what
-            Its name in messages.
-        number
-            Its number in the default of its name.
+            Its name in messages, and the default of its name.
         axes
             Axes of the ply in the axes of the tool.
 
@@ -116,7 +114,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             "side": self.side,
             "thickness": self.thickness_mm,
             "outline": outline,
-            "name": self.name or f"tool_{number}",
+            "name": self.name or what,
             "stated": axes.of_tool,
         }
         if self.gap_mm is None and self.pressure_N_per_mm2 is None:
@@ -239,7 +237,7 @@ class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
         FILE,
     ]
     unit: Annotated[
-        Literal["mm", "cm", "m", "in"] | None,
+        LengthUnit | None,
         about("unit of length of the file (default: the file's, else mm)"),
     ] = None
     offset_mm: Annotated[

@@ -2,8 +2,8 @@
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from glob import escape
 from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar
@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from .. import io
-from ..cases.build import refuse_incomplete_exports
+from ..cases.build import refuse_incomplete
 from ..cases.finished import read_result
 from ..cases.read import converted
 from ..cases.schema import PATTERN_KINDS, Output
@@ -23,7 +23,7 @@ from ..mesh.graph import components, edges_of
 from ..mesh.requirements import is_installed, lacks, require
 from ..mesh.user_input import printable
 from ..nets.flat_pattern import FlatPattern, flat_pattern
-from ..nets.sheet import REACH, Sheet, fibres_on_tool
+from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
 from ..solve.quantities import Quantity, first_rows
 from ..surfaces.tool_mesh import ToolMesh
 from .interruption import held
@@ -42,9 +42,6 @@ PATTERN = tuple(f"pattern.{kind}" for kind in PATTERN_KINDS)
 
 # Beginning of the reason why an export is missing.
 _NOT = "not written"
-
-# Parameters of the layers in a deck.
-_LAYERS = "thickness", "material", "calculix"
 
 # Figures of exports that are printed, or the reasons why there are none.
 _FIRST = (
@@ -133,60 +130,49 @@ def write_patterns(
 class PartExport:
     """Export of a ply: elements of the part, and curves that trim the pattern.
 
-    ``curves`` are closed, each (3, n); ``no_curves`` is the reason why there are none,
-    and ``trimmed`` is true for user-supplied curves: the outline, then holes, and
-    ``requested`` if the pattern must be written. ``reach``
-    is the largest distance of the part from the ply in mm, and ``kinds`` are kinds of
-    files of the pattern. A deck has the ``layers`` of the ply.
+    ``output`` names the files and parameters, ``part`` and ``deck`` are what they
+    contain. ``curves`` are closed, each (3, n): the curves of ``output.trim``, the
+    outline, then holes, or the boundary of the part; ``no_curves`` is the reason why
+    there are none.
     """
 
+    output: Output
     part: ToolMesh | None = None
     deck: io.PartDeck | None = None
-    layers: Mapping[str, Any] = field(default_factory=dict)
     curves: Sequence[ndarray] = ()
     no_curves: str = ""
-    trimmed: bool = False
-    reach: float | None = None
-    kinds: Sequence[str] = PATTERN_KINDS
-    requested: bool = False
     all_files: ClassVar[tuple[str, ...]] = (*_PART, *PATTERN)
 
     @classmethod
     def read(cls, output: Output) -> "PartExport":
         """Read the part and the curves that a case names."""
-        part, trim = output.part_mesh or output.deck, output.trim
-        if part is None and trim is None:
-            return cls()
+        own, trim = output.part_mesh, output.trim
+        if not (own or output.deck or trim):
+            return cls(output)
         if "dxf" in (output.pattern or ()):
             require("a .dxf of the pattern", "dxf", "ezdxf")
-        own = output.part_mesh
         mesh = None if own is None else io.read_tool_mesh(own)
         deck = None if output.deck is None else io.read_part_deck(output.deck)
         of_deck = None if deck is None else deck.mesh
         for file, one in ((own, mesh), (output.deck, of_deck)):
             with errors_about(str(file)):
                 refuse_unit_of_part(one)
-        others: dict[str, Any] = {"reach": output.part_reach_mm}
-        others["kinds"] = output.pattern or PATTERN_KINDS
-        others["requested"] = output.pattern is not None or trim is not None
-        if deck is not None:
-            layers = output.thickness_mm, output.material, output.calculix
-            others |= {"deck": deck, "layers": dict(zip(_LAYERS, layers, strict=True))}
-            mesh = mesh or deck.mesh
+        export = cls(output, mesh or of_deck, deck)
         if trim is not None:
             files = (trim,) if isinstance(trim, str) else trim
-            curves = [io.read_curve(file, 3) for file in files]
-            return cls(mesh, curves=curves, trimmed=True, **others)
+            return replace(export, curves=[io.read_curve(file, 3) for file in files])
+        assert export.part is not None
         try:
-            return cls(mesh, curves=mesh.boundary() if mesh else (), **others)
+            return replace(export, curves=export.part.boundary())
         except MeshError as error:
-            return cls(mesh, no_curves=f"{printable(part)}: {error}", **others)
+            name = printable(own or output.deck)
+            return replace(export, no_curves=f"{name}: {error}")
 
     @classmethod
     def of_options(
-        cls, options: argparse.Namespace, has_pattern: bool = False
+        cls, options: argparse.Namespace, known: Collection[str] = ()
     ) -> "PartExport":
-        """Read what the options of a command name, which may have its own pattern."""
+        """Read what options name; ``known`` are keys that the command provides."""
         keys = {
             path.removeprefix("output."): value
             for path, value in vars(options).items()
@@ -194,7 +180,7 @@ class PartExport:
         }
         try:
             output = converted("output", keys, Output)
-            refuse_incomplete_exports(output, has_pattern)
+            refuse_incomplete({"output": output}, known)
             return cls.read(output)
         except ValueError as error:
             raise ValueError(as_typed(str(error), options)) from None
@@ -202,6 +188,16 @@ class PartExport:
     def __bool__(self) -> bool:
         """True if there is something to export."""
         return self.part is not None or bool(self.curves)
+
+    @property
+    def has_curves(self) -> bool:
+        """True if there is a pattern, or a reason why there is none."""
+        return bool(self.curves or self.no_curves)
+
+    @property
+    def kinds(self) -> Sequence[str]:
+        """Kinds of files of the pattern."""
+        return self.output.pattern or PATTERN_KINDS
 
     def refuse_folder(self, out: Path) -> None:
         """Refuse a deck that its copy would replace."""
@@ -214,7 +210,7 @@ class PartExport:
     def files(self, summary: Mapping[str, Any]) -> tuple[str, ...]:
         """Files that `write` replaces, of an export with this summary."""
         names = [*_PART] if self.part else []
-        names += [*PATTERN] if self.curves or self.no_curves else []
+        names += [*PATTERN] if self.has_curves else []
         names += _deck_files(summary) if self.deck else ()
         return tuple(names)
 
@@ -245,15 +241,20 @@ class PartExport:
 
     def missing(self, figures: Mapping[str, Any]) -> list[str]:
         """Requested exports that `write` has not written, with reasons."""
-        requested = ["part"] * (self.part is not None) + ["pattern"] * self.requested
-        requested += ["deck"] * (self.deck is not None)
+        output = self.output
+        is_requested = {
+            "part": self.part is not None,
+            "pattern": self.has_curves and (output.pattern or output.trim) is not None,
+            "deck": self.deck is not None,
+        }
+        requested = (what for what, holds in is_requested.items() if holds)
         reasons = {what: str(figures.get(what, "")) for what in requested}
         return [f"{k}: {text}" for k, text in reasons.items() if _NOT in text]
 
     def _fibres(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.part is None:
             return {}
-        fibres = fibres_on_tool(sheet, self.part, reach=self.reach)
+        fibres = self._on(sheet, self.part)
         for name in _PART:
             io.write_fibres(folder / name, fibres)
         return {
@@ -264,13 +265,16 @@ class PartExport:
     def _reach(self, sheet: Sheet, part: ToolMesh) -> float:
         """Largest distance of the part from the ply in mm."""
         longest = max(sheet.longest_edge, float(part.longest_edges().max()))
-        return self.reach or REACH * longest
+        return self.output.part_reach_mm or REACH * longest
+
+    def _on(self, sheet: Sheet, part: ToolMesh) -> FibresInSpace:
+        return fibres_on_tool(sheet, part, reach=self.output.part_reach_mm)
 
     def _covered(self, sheet: Sheet) -> ToolMesh:
         """Connected pieces of the part on which the ply lies, without other skins."""
         assert self.part is not None
         cells, points = self.part.cells, self.part.points
-        covered = fibres_on_tool(sheet, self.part, reach=self.reach).covered
+        covered = self._on(sheet, self.part).covered
         edges = edges_of(cells)[0]
         piece = components(points.shape[1], edges)
         of_element = np.concatenate([piece[cell[0]] for cell in cells])
@@ -280,25 +284,28 @@ class PartExport:
     def _with_layers(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.deck is None:
             return {}
-        fibres = fibres_on_tool(sheet, self.deck.mesh, reach=self.reach)
+        thickness = self.output.thickness_mm
+        assert thickness is not None  # see `refuse_incomplete`
         (folder / _DECK).mkdir()
-        files = io.write_part_deck(folder / _DECK, self.deck, fibres, **self.layers)
-        names = [
-            file.relative_to(folder).as_posix()
-            for file in (folder / _DECK).rglob("*")
-            if file.is_file()
-        ]
-        deck = files[0].relative_to(folder).as_posix()
-        return {"deck": deck, "deck_files": sorted(names)}
+        files = io.write_part_deck(
+            *(folder / _DECK, self.deck, self._on(sheet, self.deck.mesh)),
+            thickness=thickness,
+            material=self.output.material,
+            calculix=self.output.calculix,
+        )
+        written = (file for file in (folder / _DECK).rglob("*") if file.is_file())
+        names = sorted(file.relative_to(folder).as_posix() for file in written)
+        return {"deck": files[0].relative_to(folder).as_posix(), "deck_files": names}
 
     def _pattern(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.no_curves:
             raise ValueError(self.no_curves)
         if not self.curves:
             return {}
-        if self.trimmed:
+        if self.output.trim is not None:
             outer, *holes = self.curves
-            patterns = [flat_pattern(sheet, outer, holes=holes, reach=self.reach)]
+            reach = self.output.part_reach_mm
+            patterns = [flat_pattern(sheet, outer, holes=holes, reach=reach)]
             area = patterns[0].area
         else:  # holes of the part have the opposite orientation
             assert self.part is not None

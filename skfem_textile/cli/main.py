@@ -179,20 +179,17 @@ def _add_options(
     ``named`` are the words after it, or None for the options of every scene and every
     kind of test.
     """
+    from . import options
+
     if command == "run":
         from .run_options import add_run
 
         add_run(parser, named)
+    elif command == "fit":
+        options.add_fit(parser, named)
     elif command in ("export", "net"):
-        from .options import OPTIONS
         from .run_options import add_exports
 
-        add_exports(parser, OPTIONS[command])
-    elif command == "fit":
-        from .options import add_fit
-
-        add_fit(parser, named)
+        add_exports(parser, options.OPTIONS[command])
     else:
-        from .options import OPTIONS, add
-
-        add(parser, OPTIONS[command])
+        options.add(parser, options.OPTIONS[command])

@@ -20,7 +20,7 @@ from ..nets.course import side_by_side
 from ..nets.crossings import Net
 from ..nets.flat_pattern import FlatPattern, spaced
 from ..nets.part import first_layer
-from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
+from ..nets.sheet import REACH, Sheet, fibres_on_tool
 from ..outlines import Outline
 from ..scenes.drape import contact_point
 from ..surfaces.triangle_mesh import TriangleMesh
@@ -66,6 +66,20 @@ _NO_OUTLINE = (
     "specify one by --trim, or --roll-width"
 )
 
+# Options that require another one, and options that exclude others.
+_REQUIRED = {
+    "darts": "locking_angle",
+    "overlap": "roll_width",
+    "layer": "outline",
+    "outline_unit": "outline",
+}
+_EXCLUDED = {
+    "darts": ("roll_width",),
+    "trim": ("roll_width",),
+    "outline": ("best", "darts", "roll_width"),
+    "best": ("point", "warp_along", "weft_along"),
+}
+
 # Default length of a cell relative to the diagonal of the tool.
 _CELL = 0.01
 
@@ -83,12 +97,12 @@ def run(options: argparse.Namespace) -> int:
     _refuse_combinations(options)
     began = perf_counter()
     log_to_stderr(0)
-    export = PartExport.of_options(options, has_pattern=True)
-    export = replace(export, curves=(), no_curves="", requested=False)
+    export = PartExport.of_options(options, known=["output.trim"])
+    export = replace(export, curves=(), no_curves="")
     export.refuse_folder(options.out)
     with shown("laying the net", printed=True):
         part = _laid(options)
-        fibres = _fibres(part)
+        fibres = fibres_on_tool(Sheet.of_net(part), part.tool.facets)
         cells, cover = Cells.of(part), Cover.of(part, fibres)
     figures = figures_of(part, cells, cover, options)
     verdict = verdict_of(part, cells, cover, options)
@@ -104,7 +118,9 @@ def run(options: argparse.Namespace) -> int:
             io.write_fibres(folder / name, fibres)
         io.write_net(folder / _NET, cells)
         if part.patterns:
-            write_patterns(folder, _to_cut(part), export.kinds)
+            courses = len(part.patterns) > 1
+            patterns = side_by_side(part.patterns) if courses else part.patterns
+            write_patterns(folder, patterns, export.kinds)
         if not options.no_render:
             _draw(part, cells, options, folder)
         figures["time_s"] = perf_counter() - began
@@ -127,30 +143,20 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _refuse_combinations(options: argparse.Namespace) -> None:
-    """Refuse options that contradict each other."""
-    if options.darts and options.locking_angle is None:
-        raise ValueError("--darts requires --locking-angle")
-    if options.darts and options.roll_width is not None:
-        raise ValueError("--darts cannot be combined with --roll-width")
-    if options.trim and options.roll_width is not None:
-        raise ValueError("--trim cannot be combined with --roll-width")
-    if options.overlap and options.roll_width is None:
-        raise ValueError("--overlap requires --roll-width")
-    for name in ("layer", "outline_unit"):
-        if getattr(options, name) is not None and options.outline is None:
-            raise ValueError(f"--{name.replace('_', '-')} requires --outline")
-    for name in ("best", "darts", "roll_width"):
-        if getattr(options, name) and options.outline is not None:
+    """Refuse options that require, or contradict, each other."""
+    given = {name for name, value in vars(options).items() if value not in (None, 0)}
+    for name, other in _REQUIRED.items():
+        if name in given and other not in given:
+            raise ValueError(f"{_flag(name)} requires {_flag(other)}")
+    for name, others in _EXCLUDED.items():
+        if name in given and (both := [_flag(one) for one in others if one in given]):
             raise ValueError(
-                f"--outline cannot be combined with --{name.replace('_', '-')}"
+                f"{_flag(name)} cannot be combined with {' and '.join(both)}"
             )
-    fixed = [
-        f"--{name.replace('_', '-')}"
-        for name in ("point", "warp_along", "weft_along")
-        if getattr(options, name) is not None
-    ]
-    if options.best and fixed:
-        raise ValueError(f"--best cannot be combined with {' and '.join(fixed)}")
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def _laid(options: argparse.Namespace) -> Part:
@@ -206,13 +212,8 @@ def _laid(options: argparse.Namespace) -> Part:
         "warp_along": warp_along,
         "weft_along": weft_along,
     }
-    part = Part(
-        *(tool,),
-        inside=inside,
-        search=search,
-        meets_itself=not has_outline,
-        outline=outline,
-    )
+    part = Part(tool, inside=inside, search=search, outline=outline)
+    part = part._replace(meets_itself=not has_outline)
     return _pieces(options, part, spanned, cell, curves, settings)
 
 
@@ -289,9 +290,8 @@ def _pieces(
             spanned, cell, options.roll_width, options.overlap, **settings
         )
         pieces = [piece for strip in strips for piece in strip.pieces]
-        return part._replace(
-            pieces=pieces, patterns=[strip.pattern for strip in strips]
-        )
+        patterns = [strip.pattern for strip in strips]
+        return part._replace(pieces=pieces, patterns=patterns)
     if options.darts and not curves:
         part = part._replace(no_darts="the part has no outline")
     elif options.darts:
@@ -316,9 +316,7 @@ def _pieces(
     if not curves:
         return part._replace(no_pattern=_NO_OUTLINE)
     try:
-        sheet = Sheet.of_net(part)
-        pattern = drape.flat_pattern(sheet, curves[0], holes=curves[1:])
-        return part._replace(patterns=[pattern])
+        return part._replace(patterns=[_pattern(part, curves)])
     except ValueError as error:
         pieces = [(net, first_layer(net))]
         return part._replace(pieces=pieces, no_pattern=str(error))
@@ -337,13 +335,12 @@ def _of_outline(
     within = shapely.contains_xy(shape, *net.centres())
     ply = part._replace(pieces=[(net, cells & within)])
     try:
-        sheet = Sheet.of_net(ply if curves else part)
-        if not curves:
-            curves = [net.at(spaced(ring, net.cell)) for ring in outline.rings]
-            inside = drape.triangles_of_part(spanned, curves[0], curves[1:])
-            ply = ply._replace(inside=inside[: part.tool.facets.n_elements])
-        pattern = drape.flat_pattern(sheet, curves[0], holes=curves[1:])
-        return ply._replace(patterns=[pattern])
+        if curves:
+            return ply._replace(patterns=[_pattern(ply, curves)])
+        curves = [net.at(spaced(ring, net.cell)) for ring in outline.rings]
+        inside = drape.triangles_of_part(spanned, curves[0], curves[1:])
+        ply = ply._replace(inside=inside[: part.tool.facets.n_elements])
+        return ply._replace(patterns=[_pattern(part, curves)])
     except ValueError as error:
         return ply._replace(no_pattern=str(error))
 
@@ -354,18 +351,19 @@ def _uncut_angle(part: Part, uncut: Net, curves: Sequence[ndarray]) -> float | N
         return None
     part = part._replace(pieces=uncut.pieces)
     try:
-        sheet = Sheet.of_net(part)
-        pattern = drape.flat_pattern(sheet, curves[0], holes=curves[1:])
-        cells = Cells.of(part._replace(patterns=[pattern]))
+        cells = Cells.of(part._replace(patterns=[_pattern(part, curves)]))
     except ValueError:
         return None
     return float(cells.angles.max())
 
 
+def _pattern(part: Part, curves: Sequence[ndarray]) -> FlatPattern:
+    """Flat pattern of the net within closed curves: the outline, then holes."""
+    return drape.flat_pattern(Sheet.of_net(part), curves[0], holes=curves[1:])
+
+
 def _start(
-    tool: TriangleMesh,
-    point: Sequence[float] | None,
-    inside: ndarray | None,
+    tool: TriangleMesh, point: Sequence[float] | None, inside: ndarray | None
 ) -> ndarray:
     """Given point of a tool, else the highest, or one near the middle.
 
@@ -383,16 +381,6 @@ def _start(
     middle = np.average(centres, axis=1, weights=areas)
     near = np.linalg.norm(centres - middle[:, None], axis=0).argmin()
     return contact_point(tool, centres[:, near].tolist())
-
-
-def _to_cut(part: Part) -> Sequence[FlatPattern]:
-    """Patterns in one plane; courses side by side."""
-    return part.patterns if len(part.patterns) == 1 else side_by_side(part.patterns)
-
-
-def _fibres(part: Part) -> FibresInSpace:
-    """Fibres in the triangles of the tool."""
-    return fibres_on_tool(Sheet.of_net(part), part.tool.facets)
 
 
 def _draw(part: Part, cells: Cells, options: argparse.Namespace, folder: Path) -> None:

@@ -31,22 +31,6 @@ _SHOW: Options = {
     },
 }
 
-_INIT: Options = {
-    "file": option("case file to write", words.case_file, words.CASE_FILE),
-    "--scene": option("scene of the case", choices=tuple(SCENES), default="specimen"),
-}
-
-_REPORT: Options = {
-    "folder": option("results folder of a run", words.folder, "DIR"),
-    "--test-curve": option(
-        "CSV file with a test curve, drawn instead of the one named in the case",
-        Path,
-        "FILE.csv",
-    ),
-}
-
-_EXPORT: Options = {"folder": option("results folder of a run", words.folder, "DIR")}
-
 _NET: Options = {
     "--tool": option(
         "STL, PLY, OBJ or 3MF files, or other files of triangles",
@@ -251,9 +235,21 @@ TESTS: dict[str, tuple[str, Options]] = {
 OPTIONS: dict[str, Options] = {
     "list": {},
     "show": _SHOW,
-    "init": _INIT,
-    "report": _REPORT,
-    "export": _EXPORT,
+    "init": {
+        "file": option("case file to write", words.case_file, words.CASE_FILE),
+        "--scene": option(
+            "scene of the case", choices=tuple(SCENES), default="specimen"
+        ),
+    },
+    "report": {
+        "folder": option("results folder of a run", words.folder, "DIR"),
+        "--test-curve": option(
+            "CSV file with a test curve, drawn instead of the one named in the case",
+            Path,
+            "FILE.csv",
+        ),
+    },
+    "export": {"folder": option("results folder of a run", words.folder, "DIR")},
     "net": _NET,
 }
 

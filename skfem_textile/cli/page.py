@@ -2,7 +2,6 @@
 
 from base64 import b64encode
 from collections.abc import Iterable, Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -26,13 +25,8 @@ def write_page(folder: Path, name: str, template: str, **content: Any) -> None:
     """Write a page from a template of this package, without external references."""
     import jinja2
 
-    texts = {
-        file.name: file.read_text(encoding="utf-8")
-        for file in files(__package__).iterdir()
-        if file.name.endswith(".html")
-    }
     environment = jinja2.Environment(
-        loader=jinja2.DictLoader(texts),
+        loader=jinja2.PackageLoader(__package__, ""),
         autoescape=True,
         trim_blocks=True,
         undefined=jinja2.StrictUndefined,

@@ -1,6 +1,5 @@
 """Report of a run: one HTML page."""
 
-import json
 import tempfile
 import tomllib
 from argparse import Namespace
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cases.build import case_from_file
+from ..cases.finished import content_of, read_summary
 from ..cases.write import CASE
 from ..mesh.user_input import printable
 from ..solve.quantities import first_rows
@@ -17,7 +17,7 @@ from .curve import CURVE, Curve, completed, read_test_curve
 from .output import say
 from .page import Row, formatted, rows, sources, write_page
 from .result_folder import ResultFolder
-from .results import CURVES, draw_curves
+from .results import CURVES, PICTURES, draw_curves
 
 #: File of the report.
 REPORT = "report.html"
@@ -33,20 +33,6 @@ _CHECKS = {
     ),
 }
 
-# Pictures of the last state, and their captions.
-_PICTURES = {
-    "refused.png": "Last converged state; the elements of the rejected step are marked",
-    "shear_angle.png": "Shear angle at the last load factor",
-    "draped.png": "Shear angle and contact pressure on the tool",
-    "formed.png": "Shear angle, fibres and areal weight, with the tools",
-    "section.png": "Section through ply and tools at several load factors",
-    "tool_force.png": "Force of the tools on the ply over the travel",
-    "pattern.svg": "Flat pattern",
-    "fibre_strain.png": "Fibre strain at the last load factor",
-    "fibre_directions.png": "Fibre directions at the last load factor",
-    "animation.gif": "Shear angle during loading",
-}
-
 
 def run(options: Namespace) -> int:
     """Write ``report.html`` into the folder of a run; returns the exit code.
@@ -56,8 +42,8 @@ def run(options: Namespace) -> int:
     case. Damaged results are refused.
     """
     folder = options.folder
-    summary = _summary(folder)
-    text = _text_of_file(folder / CASE)
+    summary = read_summary(folder)
+    text = content_of(folder / CASE) if (folder / CASE).is_file() else None
     test = options.test_curve or _named_test(folder, text)
     curve: Curve = {}
     curves: dict[str, str] = {}
@@ -81,7 +67,7 @@ def run(options: Namespace) -> int:
         "points": _points(curve),
         "file": sources(folder, {CURVE: CURVE}) if curve else {},
         "no_curves": no_curves,
-        "pictures": sources(folder, _PICTURES),
+        "pictures": sources(folder, {**PICTURES, "pattern.svg": "Flat pattern"}),
         "case": text,
         "every_value": rows(values),
         "versions": rows(summary.get("versions")),
@@ -118,34 +104,6 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
             yield "Elements", "bad", smallest
     if "exact_answer" in summary:
         yield "Exact solution", "", summary["exact_answer"]
-
-
-def _summary(folder: Path) -> dict[str, Any]:
-    """Read ``summary.json``."""
-    file = folder / "summary.json"
-    if not file.is_file():
-        raise ValueError(
-            f"{printable(folder)} is not a results folder: it contains no {file.name}"
-        )
-    try:
-        summary = json.loads(file.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError):
-        summary = None
-    if not isinstance(summary, dict) or "scene" not in summary:
-        raise ValueError(f"{printable(file)} is not the summary of a run")
-    return summary
-
-
-def _text_of_file(file: Path) -> str | None:
-    """Text of a file; None if it does not exist."""
-    if not file.is_file():
-        return None
-    try:
-        return file.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise ValueError(
-            f"{printable(file)} is damaged: it is not a text file in UTF-8"
-        ) from None
 
 
 def _named_test(folder: Path, text: str | None) -> Path | None:

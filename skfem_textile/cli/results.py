@@ -1,8 +1,6 @@
 """Pictures of a run."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -20,26 +18,18 @@ from .curve import (
 )
 from .interruption import held
 
-#: Pictures of every run.
-PICTURES = (
-    "fibre_strain.png",
-    "shear_angle.png",
-    "fibre_directions.png",
-    "load.png",
-    "animation.gif",
-)
-
-#: Additional pictures of shear tests.
-OF_SHEAR_TESTS = ("load_by_angle.png", "normalised_load.png")
-
-#: Additional picture of a ply on a tool.
-DRAPED = "draped.png"
-
-#: Additional pictures of a ply between tools.
-FORMED = ("formed.png", "section.png", "tool_force.png")
-
-#: Picture of a run that stopped early.
-REFUSED = "refused.png"
+#: Pictures of a ply, and their captions, in the order of a report.
+PICTURES = {
+    "refused.png": "Last converged state; the elements of the rejected step are marked",
+    "shear_angle.png": "Shear angle at the last load factor",
+    "draped.png": "Shear angle and contact pressure on the tool",
+    "formed.png": "Shear angle, fibres and areal weight, with the tools",
+    "section.png": "Section through ply and tools at several load factors",
+    "tool_force.png": "Force of the tools on the ply over the travel",
+    "fibre_strain.png": "Fibre strain at the last load factor",
+    "fibre_directions.png": "Fibre directions at the last load factor",
+    "animation.gif": "Shear angle during loading",
+}
 
 #: Pictures of a curve: titles, abscissa and ordinate.
 CURVES = {
@@ -65,27 +55,19 @@ def draw(
     with held():  # VTK may crash if it is interrupted
         from .. import plot
         from ..io.results import has_tools
-    pictures: dict[str, tuple[Callable[..., Any], Any]] = {
-        "fibre_strain.png": (plot.fibre_strain, result),
-        "shear_angle.png": (plot.shear_angle, result),
-        "fibre_directions.png": (plot.fibre_directions, result),
-    }
+    names = ["fibre_strain.png", "shear_angle.png", "fibre_directions.png"]
     if result.tool(1.0) is not None and not result.not_on_tool:
-        pictures[DRAPED] = plot.draped, result
-    if has_tools(result.ply):
-        pictures |= {
-            "formed.png": (plot.formed, result),
-            "section.png": (plot.section, result),
-            "tool_force.png": (plot.tool_force, result),
-        }
-    if isinstance(run, StepError):
-        pictures[REFUSED] = plot.verdict, run
-    pictures["animation.gif"] = plot.animation, result
-    for name, (picture, of) in pictures.items():
+        names.append("draped.png")
+    formed = ["formed.png", "section.png", "tool_force.png"]
+    names += formed if has_tools(result.ply) else []
+    for name in [*names, "animation.gif"]:
         with held():
-            picture(of, filename=folder / name)
+            getattr(plot, Path(name).stem)(result, filename=folder / name)
+    if isinstance(run, StepError):
+        with held():
+            plot.verdict(run, filename=folder / "refused.png")
     measured = completed(test, scene.shear_test) if test else None
-    of_tool = "tool_force.png" in pictures and scene.driven not in scene.conditions
+    of_tool = "tool_force.png" in names and scene.driven not in scene.conditions
     if measured is None and of_tool:
         return
     draw_curves(curve, measured, folder)

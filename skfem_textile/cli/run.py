@@ -39,10 +39,7 @@ from .run_options import as_typed, tables_of_options
 Stepper: TypeAlias = LoadStepper | ToleranceStepper
 
 # All pictures that a run may draw.
-_PICTURES = (
-    *(*results.PICTURES, *results.OF_SHEAR_TESTS),
-    *(results.DRAPED, *results.FORMED, results.REFUSED),
-)
+_PICTURES = *results.PICTURES, *results.CURVES
 
 
 def run(options: argparse.Namespace) -> int:
@@ -103,13 +100,19 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
         "inputs": {"version": __version__, **tables_of(file)},
         "versions": versions(),
     }
-    before = _without_interval(result)
+    # The error interval may take long, and be interrupted.
+    before = replace(result, interval=lambda _: ErrorInterval(reason="interrupted"))
     summary, curve = case.summary(before) | provenance, curve_of(case.scene, before)
+    exported: dict[str, Any] = {}
     complete = False
     try:
         with held():
             with out as folder:
-                exported = _exported(export, result, case, folder)
+                if export:
+                    sheet = Sheet.of_ply(result.ply, result.u, case.scene.axes)
+                    early = result.not_on_tool or "the run stopped early"
+                    reason = "" if result.converged else early
+                    exported = export.write(sheet, reason, folder)
                 summary = export.added(summary, exported)
                 io.write_summary(summary, folder / "summary.json")
                 io.write_history(result, folder / "history.csv", case.scene.axes)
@@ -226,22 +229,6 @@ def _write_again(
             write_curve(curve, folder / CURVE)
     except OSError as error:
         _note(f"the error interval was not written: {printable(error)}", options)
-
-
-def _exported(
-    export: PartExport, result: Result, case: Case, folder: Path
-) -> dict[str, Any]:
-    """Write the exports of a run; returns their figures."""
-    if not export:
-        return {}
-    reason = "" if result.converged else result.not_on_tool or "the run stopped early"
-    sheet = Sheet.of_ply(result.ply, result.u, case.scene.axes)
-    return export.write(sheet, reason, folder)
-
-
-def _without_interval(result: Result) -> Result:
-    """Result before its error interval, which may be slow and interrupted."""
-    return replace(result, interval=lambda _: ErrorInterval(reason="interrupted"))
 
 
 def _note(text: str, options: argparse.Namespace) -> None:

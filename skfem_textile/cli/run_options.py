@@ -4,15 +4,17 @@ import argparse
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from functools import partial
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ..cases.read import CaseFile, declared
 from ..cases.scenes import SCENES, Scene
-from ..cases.schema import FILE, summary_of
+from ..cases.schema import FILE, about, named, summary_of
 from ..cases.write import key_help, meaning, tables_of
 from ..declarations import words
-from ..declarations.scenes import Specimen, WithTools
+from ..declarations.scenes import AnyScene, Specimen, WithTools
 from ..declarations.words import Options, option
 from ..mesh.user_input import printable
 from .options import OUTPUTS, add
@@ -20,72 +22,33 @@ from .output import say
 
 # Options for common keys, in addition to the keys of the scene.
 _OPTIONS = {
-    "mesh": ("mesh.source", "mesh file, or kind of generated mesh"),
-    "density": ("mesh.density", "factor of the number of lines of a graded mesh"),
-    "size": (
-        "mesh.size",
-        "number of elements along x and y, such as 8x16, of a mesh that is not graded",
-    ),
-    "mesh-as-is": ("mesh.as_is", "leave a mesh that is not graded as it is"),
-    "directions": ("mesh.directions", "file with the fibre directions of the elements"),
-    "fabric": ("fabric.file", "file that contains all laws"),
-    "tension-law": ("tension.law", "name of a law, or a .csv or .json file"),
-    "fibre-stiffness": ("tension.stiffness_N_per_mm", "tension stiffness in N/mm"),
-    "shear-law": ("shear.law", "name of a law, or a .csv or .json file"),
-    "shear-stiffness": ("shear.stiffness_N_per_mm", "shear stiffness in N/mm"),
-    "formulation": ("formulation.name", "element formulation"),
-    "force": ("loads.force_N", "force in N on a boundary; may be repeated"),
-    "steps": ("stepping.steps", "number of load steps"),
-    "tolerance": (
-        "stepping.tolerance",
-        "make the mesh finer until the error interval of the load, relative to it, is "
-        "below this value",
-    ),
-    "solver": ("stepping.solver", "linear solver"),
-    "test-curve": (
-        "output.test_curve",
-        "CSV file with a test curve, drawn with the curve of the run",
-    ),
+    "mesh": "mesh.source",
+    "density": "mesh.density",
+    "size": "mesh.size",
+    "mesh-as-is": "mesh.as_is",
+    "directions": "mesh.directions",
+    "fabric": "fabric.file",
+    "tension-law": "tension.law",
+    "fibre-stiffness": "tension.stiffness_N_per_mm",
+    "shear-law": "shear.law",
+    "shear-stiffness": "shear.stiffness_N_per_mm",
+    "formulation": "formulation.name",
+    "force": "loads.force_N",
+    "steps": "stepping.steps",
+    "tolerance": "stepping.tolerance",
+    "solver": "stepping.solver",
+    "test-curve": "output.test_curve",
 }
-_OPTIONS_OF_OUTLINES = {
-    "outline": (
-        "mesh.outline",
-        "outline of the ply: a drawing (.dxf, .svg), or a table of x and y (.csv)",
-    ),
-    "unit": (
-        "mesh.unit",
-        "unit of length of the drawing (default: the file's, else mm)",
-    ),
-    "layer": (
-        "mesh.layer",
-        "layers of the drawing that are read, or id of elements (default: all)",
-    ),
-}
+_OPTIONS_OF_OUTLINES = {key: f"mesh.{key}" for key in ("outline", "unit", "layer")}
 _OPTIONS_WITH_TOOLS = {
-    "part-mesh": (
-        "output.part_mesh",
-        "mesh of the part, to whose elements fibre directions are mapped",
-    ),
-    "deck": (
-        "output.deck",
-        "deck of the part, of which a copy with the layers of the ply is written",
-    ),
-    "thickness": ("output.thickness_mm", "thickness of the flat ply, for a deck"),
-    "material": (
-        "output.material",
-        "material of the layers in the deck (default: as in its sections)",
-    ),
-    "calculix": ("output.calculix", "write an .inp deck for CalculiX too"),
-    "part-reach": (
-        "output.part_reach_mm",
-        "largest distance of the part from the ply on it",
-    ),
-    "trim": (
-        "output.trim",
-        "tables or DXF files of the curves along which the flat pattern is trimmed: "
-        "the outline, then holes",
-    ),
-    "pattern": ("output.pattern", "kinds of files of the flat pattern (default: all)"),
+    "part-mesh": "output.part_mesh",
+    "deck": "output.deck",
+    "thickness": "output.thickness_mm",
+    "material": "output.material",
+    "calculix": "output.calculix",
+    "part-reach": "output.part_reach_mm",
+    "trim": "output.trim",
+    "pattern": "output.pattern",
 }
 
 # Options of every scene and case file, besides their keys.
@@ -156,13 +119,9 @@ def add_run(parser: argparse.ArgumentParser, named: Sequence[str] | None) -> Non
 def add_exports(parser: argparse.ArgumentParser, others: Options) -> None:
     """Add the options of a command, and missing ones of exports."""
     add(parser, others)
-    parser.set_defaults(
-        flags=dict(
-            _add_key(parser, flag, path, _type_of(path), about)
-            for flag, (path, about) in _OPTIONS_WITH_TOOLS.items()
-            if f"--{flag}" not in others
-        )
-    )
+    exports = {f: p for f, p in _OPTIONS_WITH_TOOLS.items() if f"--{f}" not in others}
+    flags = _add_keys(parser, exports, get_type_hints(CaseFile), {})
+    parser.set_defaults(flags=flags)
 
 
 def as_typed(message: str, options: argparse.Namespace) -> str:
@@ -173,16 +132,17 @@ def as_typed(message: str, options: argparse.Namespace) -> str:
 
 
 def _add_scene(
-    scenes: Any, name: str, about: str, scene: type[Scene] | None, **settings: Any
+    scenes: Any, name: str, summary: str, scene: type[Scene] | None, **settings: Any
 ) -> None:
     """Add a scene, or a case file in its place, with options for its keys."""
     parser = scenes.add_parser(
         name,
-        help=about,
+        help=summary,
         epilog=_EXIT_CODES,
         add_help=False,
         usage="%(prog)s --out DIR [option ...] [--set KEY=VALUE ...]",
-        formatter_class=_Formatter,
+        # Options and their help are on the same line.
+        formatter_class=partial(argparse.HelpFormatter, max_help_position=32, width=88),
         **settings,
     )
     parser.add_argument(
@@ -195,26 +155,15 @@ def _add_scene(
     add(parser, OUTPUTS)
     flags: dict[str, str] = {}
     if scene is not None:
+        tables = get_type_hints(CaseFile) | {"scene": scene}
         defaults = tables_of(declared({"scene": {"name": name}}))
-        of_scene = parser.add_argument_group(name.replace("_", " "))
-        for key, hint in get_type_hints(scene, include_extras=True).items():
-            if key in scene.__struct_fields__:
-                flag = _RENAMED.get(key, _without_unit(key)).replace("_", "-")
-                help_text = meaning(hint) + _default(defaults["scene"].get(key))
-                key, text = _add_key(of_scene, flag, f"scene.{key}", hint, help_text)
-                flags[key] = text
-        of = scene.declaration
-        with_tools = issubclass(of, WithTools)
-        options = _OPTIONS | (_OPTIONS_WITH_TOOLS if with_tools else {})
-        options |= _OPTIONS_OF_OUTLINES if with_tools or of is Specimen else {}
-        if with_tools:  # the unit of tools is another one
-            options["outline-unit"] = options.pop("unit")
-        group = parser.add_argument_group("mesh, laws, elements and load steps")
-        for flag, (path, about) in options.items():
-            table, key = path.split(".")
-            help_text = about + _default(defaults[table].get(key))
-            key, text = _add_key(group, flag, path, _type_of(path), help_text)
-            flags[key] = text
+        groups = {
+            name.replace("_", " "): _options_of_scene(scene),
+            "mesh, laws, elements and load steps": _common_options(scene.declaration),
+        }
+        for title, options in groups.items():
+            group = parser.add_argument_group(title)
+            flags |= _add_keys(group, options, tables, defaults)
     parser.set_defaults(flags=flags)
     add(parser, _EVERY)
     parser.add_argument(
@@ -225,39 +174,77 @@ def _add_scene(
     )
 
 
-def _add_key(
-    parser: Any, flag: str, path: str, hint: Any, about: str
-) -> tuple[str, str]:
-    """Add the option of a key, with values of its type; returns key and option."""
-    kwargs: dict[str, Any] = {"dest": path, "default": argparse.SUPPRESS, "help": about}
+def _options_of_scene(scene: type[Scene]) -> dict[str, str]:
+    """Keys of a scene by option."""
+    options = {}
+    for key in scene.__struct_fields__:
+        without_unit = re.sub(r"_(deg|mm|N|N_per_mm2?)$", "", key)
+        flag = _RENAMED.get(key, without_unit).replace("_", "-")
+        options[flag] = f"scene.{key}"
+    return options
+
+
+def _common_options(scene: type[AnyScene]) -> dict[str, str]:
+    """Keys of the other tables by option."""
+    options = dict(_OPTIONS)
+    if issubclass(scene, WithTools):
+        options |= _OPTIONS_WITH_TOOLS | _OPTIONS_OF_OUTLINES
+        options["outline-unit"] = options.pop("unit")  # tools have another one
+    elif scene is Specimen:
+        options |= _OPTIONS_OF_OUTLINES
+    return options
+
+
+def _add_keys(
+    parser: Any,
+    options: Mapping[str, str],
+    tables: Mapping[str, Any],
+    defaults: Mapping[str, Any],
+) -> dict[str, str]:
+    """Add options of keys; returns the options by key.
+
+    Their help is the meaning of the key and its default.
+    """
+    for flag, path in options.items():
+        table, key = path.split(".")
+        hint = _type_of(table, key, tables[table])
+        keywords = _keywords(flag, path, hint)
+        repeated = "; may be repeated" if keywords.get("action") == "append" else ""
+        default = _default(defaults.get(table, {}).get(key))
+        keywords["help"] = f"{meaning(hint)}{repeated}{default}"
+        parser.add_argument(
+            f"--{flag}", dest=path, default=argparse.SUPPRESS, **keywords
+        )
+    return {path: f"--{flag}" for flag, path in options.items()}
+
+
+def _keywords(flag: str, path: str, hint: Any) -> dict[str, Any]:
+    """Keywords of the option of a key that depend on its type."""
     kind = hint
     while get_origin(kind) is Annotated or NoneType in get_args(kind):
         kind = next(one for one in get_args(kind) if one is not NoneType)
     if path == "mesh.size":
-        kwargs |= {"type": words.size, "metavar": "NXxNY"}
-    elif kind is bool:
-        kwargs["action"] = "store_true"
-    elif get_origin(kind) is Literal:
-        kwargs["choices"] = get_args(kind)
-    elif get_origin(kind) is tuple:
+        return {"type": words.size, "metavar": "NXxNY"}
+    if kind is bool:
+        return {"action": "store_true"}
+    if get_origin(kind) is Literal:
+        return {"choices": get_args(kind)}
+    is_file = FILE in get_args(hint) or path.endswith(".law")
+    if get_origin(kind) is tuple:
         first, *others = get_args(kind)
         several = {"nargs": "+", "action": "extend"}
-        kwargs |= several if ... in others else {"nargs": len(others) + 1}
+        number = several if ... in others else {"nargs": len(others) + 1}
         if get_args(first):
-            kwargs["choices"] = get_args(first)
-        else:
-            metavar = "FILE" if FILE in get_args(hint) else flag.upper()
-            kwargs |= {"type": first, "metavar": metavar}
-    elif get_origin(kind) is dict:
-        kwargs |= {"type": words.pair, "metavar": "NAME=VALUE"}
-        kwargs |= {"action": "append"}
-    elif isinstance(kind, type):
-        metavar = {float: "X", int: "N", str: "NAME"}[kind]
-        if FILE in get_args(hint) or path.endswith(".law"):
-            metavar = "NAME|FILE" if path in _NAME_OR_FILE else "FILE"
-        kwargs |= {"type": kind, "metavar": "DEG" if path.endswith("_deg") else metavar}
-    parser.add_argument(f"--{flag}", **kwargs)
-    return path, f"--{flag}"
+            return {**number, "choices": get_args(first)}
+        return {**number, "type": first, "metavar": "FILE" if is_file else flag.upper()}
+    if get_origin(kind) is dict:
+        return {"type": words.pair, "metavar": "NAME=VALUE", "action": "append"}
+    metavar = {float: "X", int: "N", str: "NAME"}[kind]
+    if path.endswith("_deg"):
+        metavar = "DEG"
+    elif is_file:
+        metavar = "NAME|FILE" if path in _NAME_OR_FILE else "FILE"
+    return {"type": kind, "metavar": metavar}
 
 
 def _default(value: Any) -> str:
@@ -271,26 +258,15 @@ def _default(value: Any) -> str:
     return f" (default: {text})"
 
 
-def _type_of(path: str) -> Any:
-    """Type of a key that has an option."""
-    table, key = path.split(".")
-    hint = get_type_hints(CaseFile, include_extras=True)[table]
+def _type_of(table: str, key: str, hint: Any) -> Any:
+    """Type and meaning of a key that has an option."""
     if key == "name":
-        return Literal[tuple(one.__struct_config__.tag for one in get_args(hint))]
+        return Annotated[Literal[(*named(hint),)], about("element formulation")]
     if table in ("tension", "shear"):
-        return float if key.endswith("N_per_mm") else str
+        if key == "law":
+            return Annotated[str, about("name of a law, or a .csv or .json file")]
+        return Annotated[float, about(f"{table} stiffness in N/mm")]
     return get_type_hints(hint, include_extras=True)[key]
-
-
-def _without_unit(key: str) -> str:
-    return re.sub(r"_(deg|mm|N|N_per_mm2?)$", "", key)
-
-
-class _Formatter(argparse.HelpFormatter):
-    """Help formatter that prints options and help on the same line."""
-
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog, max_help_position=32, width=88)
 
 
 class _Help(argparse.Action):
@@ -316,7 +292,7 @@ def tables_of_options(
     ValueError
         If a path leads through a key that is not a table, or a name is given twice.
     """
-    case = {name: _copied(own) for name, own in tables.items()}
+    case = deepcopy(dict(tables))
     settings = [(path, _joined(v)) for path, v in vars(options).items() if "." in path]
     further = getattr(options, "set", ())
     for path, times in Counter(path for path, _ in further).items():
@@ -348,10 +324,3 @@ def _joined(value: Any) -> Any:
         if names.count(name) > 1:
             raise ValueError(f"{printable(name)} is given twice: omit one of them")
     return dict(value)
-
-
-def _copied(value: Any) -> Any:
-    """Copy of nested tables."""
-    if isinstance(value, dict):
-        return {key: _copied(one) for key, one in value.items()}
-    return value

@@ -31,12 +31,12 @@ class Key:
     ----------
     about
         Meaning.
+    default
+        Default in the file, in its unit; `REQUIRED` if there is none.
     unit
         Unit in the file, with which the key ends; angles are in radians in Python.
     name
         Name without the unit; empty if it is the name of the parameter.
-    default
-        Default in the file, in its unit; `REQUIRED` if there is none.
     kind
         Type in the file, if it is not the one in Python.
     limits
@@ -48,13 +48,13 @@ class Key:
     """
 
     about: str
-    unit: str
-    name: str
     default: Any
-    kind: Any
-    limits: tuple[float, float] | None
-    words: tuple[str, ...]
-    file: bool
+    unit: str = ""
+    name: str = ""
+    kind: Any = None
+    limits: tuple[float, float] | None = None
+    words: tuple[str, ...] = ()
+    file: bool = False
 
 
 def key(
@@ -62,13 +62,8 @@ def key(
     *,
     default: Any = MISSING,
     in_file: Any = _AS_IN_PYTHON,
-    unit: str = "",
-    name: str = "",
-    kind: Any = None,
-    limits: tuple[float, float] | None = None,
-    words: tuple[str, ...] = (),
-    file: bool = False,
     kw_only: Any = MISSING,
+    **stated: Any,
 ) -> Any:
     """Field of a `declaration` that a case file states.
 
@@ -80,11 +75,11 @@ def key(
         Default in a case file, if it is another one.
     kw_only
         See `dataclasses.field`.
-    about, unit, name, kind, limits, words, file
+    about, **stated
         See `Key`.
     """
-    stated = default if in_file is _AS_IN_PYTHON else in_file
-    metadata = {"key": Key(about, unit, name, stated, kind, limits, words, file)}
+    in_file = default if in_file is _AS_IN_PYTHON else in_file
+    metadata = {"key": Key(about, in_file, **stated)}
     return field(default=default, kw_only=kw_only, metadata=metadata)
 
 

@@ -308,6 +308,7 @@ class OnTool(WithTools):
 class OnSymmetricTool(OnTool):
     """A ply on a tool with two planes of symmetry."""
 
+    mesh: MeshOrKind = field(default="irregular", kw_only=False)
     part: Part | None = key(_PART, default=None)
 
 
@@ -315,7 +316,6 @@ class OnSymmetricTool(OnTool):
 class Hemisphere(OnSymmetricTool):
     """a ply on a sphere"""
 
-    mesh: MeshOrKind = "irregular"
     radius: float = mm("radius of the sphere", default=100.0)
 
 
@@ -323,7 +323,6 @@ class Hemisphere(OnSymmetricTool):
 class Cylinder(OnSymmetricTool):
     """a ply on a cylinder, without shear"""
 
-    mesh: MeshOrKind = "irregular"
     radius: float = mm("radius of the cylinder", default=100.0)
 
 
@@ -331,7 +330,6 @@ class Cylinder(OnSymmetricTool):
 class DoubleDome(OnSymmetricTool):
     """a ply on two domes with a waist between them"""
 
-    mesh: MeshOrKind = "irregular"
     size: tuple[int, int] = field(default=(32, 18), kw_only=True)
     width: float = mm(_ALONG_X, default=470.0, kw_only=True)
     height: float = mm(_ALONG_Y, default=270.0, kw_only=True)
@@ -341,7 +339,6 @@ class DoubleDome(OnSymmetricTool):
 class Saddle(OnSymmetricTool):
     """a ply on a saddle"""
 
-    mesh: MeshOrKind = "irregular"
     radius: float = mm("radius of both curvatures in the middle", default=150.0)
 
 
@@ -389,6 +386,7 @@ _CENTRE = "centre of the ply, x and y in the axes of the tools"
 class FormedBySymmetricTools(Formed):
     """A ply between tools with two planes of symmetry."""
 
+    mesh: MeshOrKind = field(default="irregular", kw_only=False)
     part: Part | None = key(_PART, default=None)
     centre: tuple[float, float] = mm(_CENTRE, default=(0.0, 0.0))
 
@@ -402,7 +400,6 @@ _CLEARANCE = "distance between punch and die in the plane of the ply"
 class HemisphereForming(FormedBySymmetricTools):
     """a ply that a punch with a hemispherical end forms through a round hole"""
 
-    mesh: MeshOrKind = "irregular"
     radius: float = mm("radius of the punch", default=75.0)
     fillet: float = mm("radius of the fillet of the die", default=10.0)
     travel: float = mm("final travel of the punch", default=75.0)
@@ -414,7 +411,6 @@ class HemisphereForming(FormedBySymmetricTools):
 class DoubleDomeForming(FormedBySymmetricTools):
     """a ply that a double dome forms in a die of the same shape"""
 
-    mesh: MeshOrKind = "irregular"
     size: tuple[int, int] = field(default=(24, 16), kw_only=True)
     width: float = mm(_ALONG_X, default=470.0, kw_only=True)
     travel: float = mm("final travel of the punch, at most 60 mm", default=60.0)

@@ -193,10 +193,3 @@ def test_cells_of_a_file_are_split_or_cut(tmp_path, cells, options, elements):
     summary = computed(tmp_path / "out", "strip", "--mesh", mesh, options, few)
     assert summary["n_elements"] == elements
     assert summary["formulation"] == ("macro" if options == MACRO else "quadratic")
-
-
-def test_inputs_in_the_summary_describe_the_mesh_in_use(tmp_path):
-    quick = "--formulation full --steps 1 --no-render --mesh aligned --size 2x2"
-    inputs = computed(tmp_path, "strip", quick)["inputs"]["mesh"]
-    made = {"source": "aligned", "size": [2, 2], "jitter": 0.3, "seed": 1}
-    assert inputs == {**made, "as_is": False}

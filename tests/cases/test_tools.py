@@ -1,5 +1,7 @@
 """Tools in case files: surfaces, motions, holders, round trip and bad input."""
 
+import re
+
 import meshio
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from skfem_textile.cases.write import case_text, reference
 from skfem_textile.contact import Holder, contacts
 from skfem_textile.drape import Die
 from tests.helpers import graph
+from tests.helpers.curves import write_columns
 
 PUNCH = {
     "surface": "sphere",
@@ -39,9 +42,8 @@ def tables(*tools, scene=SCENE, **others):
 
 
 def test_tools_of_a_case_move_with_the_load_factor():
-    case = case_from_tables(
-        tables(PUNCH, DIE, HOLDER, mesh={"size": [2, 2]}, stepping={"steps": 2})
-    )
+    few = {"mesh": {"size": [2, 2]}, "stepping": {"steps": 2}}
+    case = case_from_tables(tables(PUNCH, DIE, HOLDER, **few))
     punch, die, holder = case.scene.tools
     assert punch.motion(0.5).tolist() == [0, 0, 2]
     assert punch.motion(0.75).tolist() == [0, 0, 4]
@@ -149,9 +151,7 @@ def test_a_tool_of_a_file_is_turned_about_any_axis(tmp_path):
 def test_tools_apply_to_any_scene_in_space():
     plate = {"surface": "plane", "point_mm": [0, 0, -20.0], "name": "table"}
     scene = {"name": "cantilever"}
-    case = case_from_tables(
-        {"scene": scene, "mesh": {"size": [3, 1]}, "tools": [plate]}
-    )
+    case = case_from_tables(tables(plate, scene=scene, mesh={"size": [3, 1]}))
     result = case.run()
     figures = case.summary(result)
     (table,) = contacts(result.ply)
@@ -162,18 +162,23 @@ def test_tools_apply_to_any_scene_in_space():
     assert figures["exact_answer"] == "none: tools act on the ply"
 
 
+def test_the_share_of_an_outline_that_elements_cover_is_logged(tmp_path, caplog):
+    """A circle, off the origin, by few elements."""
+    t = np.linspace(0.0, 2 * np.pi, 60, endpoint=False)
+    circle = np.stack([50 + 60 * np.cos(t), 60 * np.sin(t)])
+    outline = str(write_columns(tmp_path / "circle.csv", "x,y", *circle))
+    mesh = {"outline": outline, "size": [3, 3]}
+    case = case_from_tables(tables(PUNCH, scene={"name": "forming"}, mesh=mesh))
+    x = case.scene.mesh.p
+    assert x.min(axis=1) == pytest.approx(-x.max(axis=1), abs=2.0)
+    share = re.search(r"cover ([\d.]+) % of it", caplog.text)[1]
+    assert 75 < float(share) < 95
+
+
 def test_every_surface_is_in_the_reference():
     listed = {entry.choice for entry in reference() if entry.table == "[tools]"}
-    assert listed >= {
-        "triangles",
-        "plane",
-        "sphere",
-        "cylinder",
-        "cone",
-        "torus",
-        "punch",
-        "die",
-    }
+    surfaces = "triangles plane sphere cylinder cone torus punch die"
+    assert listed >= {*surfaces.split()}
 
 
 def test_rows_are_interpolated():

@@ -1,18 +1,20 @@
 """A chain from an outline to the part: forming, and exports of the finished run."""
 
 import json
+import shutil
 
 import meshio
 import numpy as np
 import pytest
 
-from skfem_textile import drape
+from skfem_textile import Outline, drape
 from skfem_textile.cases import read_result
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.export import decks_in
 from skfem_textile.io import write_pattern
 from tests.helpers import graph
 from tests.helpers.command_line import rejected
+from tests.helpers.specimen import write_case
 
 pytestmark = pytest.mark.usefixtures("no_interval")
 
@@ -74,6 +76,10 @@ def test_the_part_has_the_fibres_of_the_formed_ply(formed):
     assert np.abs((warp * found).sum(axis=0)).min() > 0.99
     of_part = part.cell_data["shear_angle_deg"][0]
     np.testing.assert_allclose(of_part, np.degrees(angle), atol=1e-9)
+    last = meshio.read(formed / "out" / "fields" / "step_0001.vtu")
+    moved = finished.ply.nodal(finished.u).T
+    np.testing.assert_allclose(moved, last.point_data["displacement"], atol=1e-12)
+    assert finished.load_factor == 1
 
 
 def test_a_finished_run_is_exported_without_computing_it(formed, capsys, monkeypatch):
@@ -98,18 +104,8 @@ def test_a_finished_run_is_exported_without_computing_it(formed, capsys, monkeyp
     assert figures(formed)["converged"]
 
 
-def test_the_displacement_of_a_finished_run_is_that_of_its_fields(formed):
-    finished = read_result(formed / "out")
-    last = meshio.read(formed / "out" / "fields" / "step_0001.vtu")
-    moved = finished.ply.nodal(finished.u).T
-    np.testing.assert_allclose(moved, last.point_data["displacement"], atol=1e-12)
-    assert finished.load_factor == 1
-
-
 def test_a_pattern_is_the_outline_of_another_ply(formed, tmp_path):
     """Read again with its hole, and in mm."""
-    from skfem_textile import Outline
-
     sheet = read_result(formed / "out").sheet()
     curves = [
         sheet.points(sheet.at(np.vstack([r * RING, 0 * t]), 10.0)) for r in (1, 0.3)
@@ -121,39 +117,35 @@ def test_a_pattern_is_the_outline_of_another_ply(formed, tmp_path):
     assert len(again.holes) == 1
 
 
+@pytest.fixture(scope="module")
+def folders(formed):
+    """A run in its plane, and copies of the formed ply with other fields."""
+    line = "run strip --size 2x2 --steps 1 --set formulation.name=macro --no-render"
+    assert cli.main([*line.split(), "--out", str(formed / "plane")]) == 0
+    other = (formed / "out" / "fields" / "own_step_0001.vtu").read_bytes()
+    for name, content in ("cut", b"<VTKFile"), ("other", other):
+        shutil.copytree(formed / "out", formed / name)
+        (formed / name / "fields" / "step_0001.vtu").write_bytes(content)
+    (formed / "own").mkdir()
+    write_case(formed / "own").rename(formed / "own" / "case.toml")
+    return formed
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [
         ("out", "nothing to export: specify --part-mesh, --deck or --trim"),
         ("out --part-mesh none.stl", "none.stl: no such file"),
-        (
-            "out --part-mesh part.stl --part-reach 0",
-            "--part-reach must be a number > 0",
-        ),
-        (
-            "nowhere --part-mesh part.stl",
-            "case.toml is missing: name the results folder",
-        ),
+        ("out --part-mesh part.stl --part-reach 0", "--part-reach must be a number >"),
+        ("nowhere --part-mesh part.stl", "case.toml is missing: name the results"),
+        ("own --part-mesh part.stl", "own/case.toml was not written by a run"),
         ("cut --part-mesh part.stl", "step_0001.vtu cannot be read"),
         ("other --part-mesh part.stl", "does not belong to the case"),
         ("plane --part-mesh part.stl", "is in its plane: exports require tools"),
     ],
 )
-def test_a_folder_or_an_export_is_refused(formed, words, text, capsys, monkeypatch):
-    monkeypatch.chdir(formed)
-    line = "run strip --size 2x2 --steps 1 --set formulation.name=macro --no-render"
-    if words.startswith("plane"):
-        assert cli.main([*line.split(), "--out", "plane"]) == 0
-    for name, content in ("cut", b"<VTKFile"), ("other", None):
-        fields = formed / name / "fields"
-        fields.mkdir(parents=True, exist_ok=True)
-        for file in ("case.toml", "summary.json", "fields/steps.pvd"):
-            (formed / name / file).write_bytes((formed / "out" / file).read_bytes())
-        old = formed / "out" / "fields" / "own_step_0001.vtu"
-        (fields / "step_0001.vtu").write_bytes(content or old.read_bytes())
-        if not (formed / name / "case_files").exists():
-            (formed / name / "case_files").symlink_to(formed / "out" / "case_files")
-    capsys.readouterr()
+def test_a_folder_or_an_export_is_refused(folders, words, text, capsys, monkeypatch):
+    monkeypatch.chdir(folders)
     assert text in rejected(capsys, "export", *words.split())
 
 
@@ -176,23 +168,13 @@ def test_exports_leave_other_files_and_decks(formed, tmp_path):
     (out / "deck" / "result.odb").write_text("1")
     assert cli.main([*words, str(formed / "two.inp"), "--pattern", "csv"]) == 0
     assert (out / "deck" / "result.odb").exists()
-    trim = ["export", str(out), "--trim", str(formed / "outline.csv")]
-    if (formed / "outline.csv").exists():
-        assert cli.main(trim) == 0
+    part = "--part-mesh", str(formed / "part.stl")
+    assert cli.main(["export", str(out), *part]) == 0
     assert (out / "deck" / "two.inp").exists()
-    own = (
-        "export",
-        str(out),
-        "--thickness",
-        "1",
-        "--deck",
-        str(out / "deck" / "two.inp"),
-    )
-    assert cli.main(own) == 2
+    assert cli.main([*words, str(out / "deck" / "two.inp")]) == 2
 
 
 def test_files_removed_before_an_export_are_below_its_deck(tmp_path):
     names = ["deck/a[1].inp", "deck/more/b.inp", "/deck/c", "../d", "deck/../e", "f"]
-    summary = json.dumps({"deck_files": names})
-    (tmp_path / "summary.json").write_text(summary, encoding="utf-8")
+    (tmp_path / "summary.json").write_text(json.dumps({"deck_files": names}))
     assert decks_in(tmp_path) == ("deck/a[[]1].inp", "deck/more/b.inp")

@@ -1,7 +1,5 @@
 """Directions and fabrics of files on the command line, and the command ``show``."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -10,6 +8,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.io import read_directions, write_directions, write_fabric
 from skfem_textile.scenes import bias_extension
+from tests.helpers.command_line import computed
 
 pytestmark = pytest.mark.usefixtures("no_interval")
 
@@ -20,9 +19,9 @@ OF_SCENE = directions_of(PULL.mesh, Fabric(warp=PULL.warp, weft=PULL.weft))
 
 
 def run(out, *words):
-    common = ("--shear-angle", "10", "--steps", "1", "--no-render", "--out", str(out))
-    assert cli.main(["run", "bias_extension", *common, *map(str, words)]) == 0
-    return json.loads((out / "summary.json").read_text())
+    """Summary of a run; each word may be several options."""
+    few = "--shear-angle 10 --steps 1 --no-render"
+    return computed(out, "bias_extension", few, *words)
 
 
 @pytest.fixture
@@ -36,27 +35,20 @@ def mesh(tmp_path):
 def test_directions_and_laws_of_a_scene_in_files_give_the_same_run(tmp_path, mesh):
     fabric = tmp_path / "fabric.json"
     write_fabric(fabric, Fabric(1e5, Sin2(0.3)))
-    files = ("--mesh", mesh, "--directions", mesh, "--fabric", fabric)
-    computed = run(tmp_path / "files", *files)
-    options = (
-        "--fibre-stiffness",
-        "1e5",
-        "--shear-law",
-        "sin2",
-        "--shear-stiffness",
-        "0.3",
-    )
-    plain = run(tmp_path / "plain", "--mesh", mesh, *options)
-    assert computed["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-9)
+    files = f"--mesh {mesh} --directions {mesh} --fabric {fabric}"
+    of_files = run(tmp_path / "files", files)
+    laws = "--fibre-stiffness 1e5 --shear-law sin2 --shear-stiffness 0.3"
+    plain = run(tmp_path / "plain", f"--mesh {mesh}", laws)
+    assert of_files["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-9)
     assert "load_over_exact" in plain
-    assert "load_over_exact" not in computed
-    assert "fibre directions are read from" in computed["exact_answer"]
+    assert "load_over_exact" not in of_files
+    assert "fibre directions are read from" in of_files["exact_answer"]
 
 
 def test_directions_rotate_with_the_problem(tmp_path, mesh):
-    files = ("--mesh", mesh, "--directions", mesh)
-    plain = run(tmp_path / "plain", *files)
-    turned = run(tmp_path / "turned", *files, "--rotate", "30")
+    files = f"--mesh {mesh} --directions {mesh}"
+    plain = run(tmp_path / "plain", files)
+    turned = run(tmp_path / "turned", files, "--rotate 30")
     assert turned["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-6)
     before, after = (
         read_directions(tmp_path / f / "fibres.csv").angles_deg()[0]
@@ -65,20 +57,23 @@ def test_directions_rotate_with_the_problem(tmp_path, mesh):
     assert np.allclose(after, before + 30, atol=1e-4)
 
 
+THICKNESS = "--set fabric.thickness_mm=0.3"
+
+
 def test_a_run_reports_the_parts_of_a_deck_that_it_ignores(tmp_path, caplog):
     deck = tmp_path / "cloth.inp"
     write_fabric(deck, Fabric(1e5, 0.5), 0.3)
     deck.write_text(deck.read_text().replace("*FABRIC", "*DENSITY\n1e-9,\n*FABRIC"))
-    run(
-        tmp_path / "out",
-        "--size",
-        "2x4",
-        "--fabric",
-        deck,
-        "--set",
-        "fabric.thickness_mm=0.3",
-    )
+    run(tmp_path / "out", f"--size 2x4 --fabric {deck}", THICKNESS)
     assert "not represented exactly: *DENSITY" in caplog.text
+    assert "in this file are ignored" not in caplog.text
+
+
+def ignored(caplog):
+    """Messages on ignored content since the last call."""
+    found = [text for text in caplog.messages if "ignored: " in text]
+    caplog.clear()
+    return found
 
 
 def test_data_that_a_run_uses_are_not_reported_as_ignored(tmp_path, caplog):
@@ -86,20 +81,14 @@ def test_data_that_a_run_uses_are_not_reported_as_ignored(tmp_path, caplog):
     write_directions(deck, PULL.mesh, OF_SCENE)
     write_fabric(tmp_path / "cloth.inp", Fabric(1e5, 0.5), 0.3)
     deck.write_text(deck.read_text() + (tmp_path / "cloth.inp").read_text() + "*STEP\n")
-    line = ("--mesh", deck, "--directions", deck, "--fabric", deck)
-    run(tmp_path / "all", *line, "--set", "fabric.thickness_mm=0.3")
-    assert [m for m in caplog.messages if "ignored: " in m] == [
-        f"{deck}: ignored: *STEP"
-    ]
-    caplog.clear()
+    files = f"--mesh {deck} --directions {deck} --fabric {deck}"
+    run(tmp_path / "all", files, THICKNESS)
+    assert ignored(caplog) == [f"{deck}: ignored: *STEP"]
     written = tmp_path / "all" / "case.toml"
     assert cli.main(["run", str(written), "--out", str(tmp_path / "again")]) == 0
     copy = tmp_path / "all" / "case_files" / "mesh.inp"
-    assert [m for m in caplog.messages if "ignored: " in m] == [
-        f"{copy}: ignored: *STEP"
-    ]
-    caplog.clear()
-    run(tmp_path / "mesh", *line[:2])
+    assert ignored(caplog) == [f"{copy}: ignored: *STEP"]
+    run(tmp_path / "mesh", f"--mesh {deck}")
     assert "*DISTRIBUTION, *MATERIAL, *FABRIC" in caplog.text
 
 
@@ -108,6 +97,7 @@ def test_a_run_reports_that_it_ignores_directions_of_a_fabric(tmp_path, caplog, 
     others = FibreDirections.of_angles(*(angle + 5 for angle in OF_SCENE.angles_deg()))
     mesh, cloth = tmp_path / "ply.vtu", tmp_path / f"cloth{suffix}"
     write_directions(mesh, PULL.mesh, others)
+    options = f"--mesh {mesh} --fabric {cloth}"
     if suffix == ".json":
         write_fabric(cloth, others.on(Fabric(1e5, 0.5)))
     else:
@@ -115,33 +105,21 @@ def test_a_run_reports_that_it_ignores_directions_of_a_fabric(tmp_path, caplog, 
         law = cloth.read_text()
         write_directions(cloth, PULL.mesh, others)
         cloth.write_text(cloth.read_text() + law)
-    line = ["--mesh", mesh, "--fabric", cloth]
-    line += ["--set", "fabric.thickness_mm=0.3"] if suffix == ".inp" else []
-    run(tmp_path / "scenes", *line)
+        options += f" {THICKNESS}"
+    run(tmp_path / "scenes", options)
     message = f"{cloth}: the fibre directions in this file are ignored; "
     message += "the directions from the scene are used: "
     assert message in caplog.text
     caplog.clear()
-    run(tmp_path / "turned", *line, "--directions", mesh, "--rotate", "20")
+    run(tmp_path / "turned", options, f"--directions {mesh} --rotate 20")
     assert "are ignored" not in caplog.text
 
 
-def test_no_ignored_directions_are_reported_for_fabrics_that_have_none_or_the_same(
-    tmp_path, caplog
-):
-    write_fabric(tmp_path / "laws.inp", Fabric(1e5, 0.5), 0.3)
-    same = Fabric(1e5, 0.5, warp=(1, 1), weft=(1, -1))
-    write_fabric(tmp_path / "same.json", same)
-    line = ("--size", "2x4", "--fabric")
-    run(
-        tmp_path / "laws",
-        *line,
-        tmp_path / "laws.inp",
-        "--set",
-        "fabric.thickness_mm=0.3",
-    )
-    run(tmp_path / "same", *line, tmp_path / "same.json")
-    assert "directions are ignored" not in caplog.text
+def test_directions_of_a_fabric_that_are_used_are_not_ignored(tmp_path, caplog):
+    same = tmp_path / "same.json"
+    write_fabric(same, Fabric(1e5, 0.5, warp=(1, 1), weft=(1, -1)))
+    run(tmp_path / "out", f"--size 2x4 --fabric {same}")
+    assert "in this file are ignored" not in caplog.text
 
 
 def test_show_draws_the_mesh_and_writes_directions_that_are_read_back(

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from skfem_textile import CrimpToe, Linear
-from skfem_textile.calibration import PictureFrame
-from skfem_textile.cli import main as cli
 from skfem_textile.cli.options import TESTS
 from skfem_textile.fabric.files import read_law
 from skfem_textile.io import read_fabric
-from tests.helpers.command_line import run, summary_in
+from tests.helpers.command_line import fit, run, summary_in
 from tests.helpers.curves import (
     BIAS,
     BIAXIAL,
@@ -19,18 +17,12 @@ from tests.helpers.curves import (
     shear_files,
     write_columns,
 )
+from tests.helpers.fits import FRAME
 from tests.helpers.pages import Page
 
-SIZES = "--width 100 --height 200"
+SIZES, FRAME_SIZES = "--width 100 --height 200", "--frame-side 200 --fabric-side 160"
 ZEROS = "--slack 0 --force-at-rest 0"
 WIDTHS = "--warp-width 100 --weft-width 100"
-
-
-def fit(kind, *words, draw=False):
-    """Fit without pictures; each word may be several."""
-    options = [option for word in words for option in str(word).split()]
-    quiet = [] if draw else ["--no-render"]
-    assert cli.main(["fit", kind, *options, *quiet]) == 0
 
 
 def pull(path, force):
@@ -43,11 +35,7 @@ def pull(path, force):
     ("kind", "test", "sizes"),
     [
         ("bias-extension", BIAS, SIZES),
-        (
-            "picture-frame",
-            PictureFrame(200.0, 160.0),
-            "--frame-side 200 --fabric-side 160",
-        ),
+        ("picture-frame", FRAME, FRAME_SIZES),
     ],
 )
 def test_a_fit_writes_a_law_that_a_run_reads(kind, test, sizes, tmp_path, capsys):
@@ -99,14 +87,7 @@ def test_a_table_is_extrapolated_on_request(tmp_path):
     fit("bias-extension", data, SIZES, how, "--force-at-rest 0", beyond)
     assert read_law(out / "law.json").extrapolation == "linear"
     file = pull(tmp_path / "pull.csv", lambda e: 4e4 * e)
-    fit(
-        "biaxial",
-        file,
-        WIDTHS,
-        f"--fabric {out / 'fabric.json'}",
-        how,
-        beyond,
-    )
+    fit("biaxial", file, WIDTHS, f"--fabric {out / 'fabric.json'}", how, beyond)
     fabric = read_fabric(out / "fabric.json").fabric
     assert {law.extrapolation for law in fabric.laws} == {"linear"}
     law = summary_in(out)["laws"]["Tension of the warp"]["law"]

@@ -1,6 +1,5 @@
 """The page of the command ``fit``."""
 
-import json
 import re
 import tomllib
 from html import unescape
@@ -9,12 +8,13 @@ import numpy as np
 import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear, Locking, Polynomial
-from skfem_textile.calibration import PictureFrame, selection
+from skfem_textile.calibration import selection
 from skfem_textile.cases import case_from_tables
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.fit_report import _law_row
 from skfem_textile.fabric.files import fabric_text
 from skfem_textile.io import read_fabric
+from tests.helpers.command_line import fit, summary_in
 from tests.helpers.curves import (
     BIAS,
     BIAXIAL,
@@ -25,9 +25,9 @@ from tests.helpers.curves import (
     shear_files,
     write_columns,
 )
+from tests.helpers.fits import FRAME
 from tests.helpers.pages import Page, references
 
-FRAME = PictureFrame(200.0, 160.0)
 TOE = CrimpToe(4e3, 0.004, 20.0)
 
 
@@ -40,39 +40,35 @@ def biaxial_file(path, law, ratio):
     return write_columns(path, BIAXIAL, *both)
 
 
-def fit(*arguments):
-    assert cli.main(["fit", *map(str, arguments)]) == 0
+FRAME_SIZES = "--frame-side 200 --fabric-side 160"
+OF_BIAS = "bias-extension", BIAS, "--width 100 --height 200"
+OF_FRAME = "picture-frame", FRAME, FRAME_SIZES
+
+#: Fits of shear laws: kind of test, the test, its sizes, the law of the data, options.
+FITS = {
+    "polynomial": (*OF_BIAS, QUINTIC, ""),
+    "sin2": (*OF_FRAME, QUINTIC, "--law sin2"),
+    "locking": (*OF_FRAME, Locking(0.1, np.radians(60.0)), "--law locking"),
+    "tabulated": (*OF_BIAS, QUINTIC, "--law tabulated --points 3"),
+    "linear": (*OF_FRAME, QUINTIC, "--law linear"),
+}
 
 
-def shear(kind, sizes, *how):
-    def run(folder, out):
-        test = BIAS if kind == "bias-extension" else FRAME
-        law = Locking(0.1, np.radians(60.0)) if "locking" in how else QUINTIC
-        data = shear_files(folder, test, law, n=2, share=0.005)
-        fit(kind, *data, *sizes, *how, "--slack", 0, "--no-render", "--out", out)
-
-    return run
+def fit_shear(name, folder):
+    """Folder of one of the `FITS`."""
+    kind, test, sizes, law, how = FITS[name]
+    data = shear_files(folder, test, law, n=2, share=0.005)
+    fit(kind, *data, sizes, how, "--slack 0 --out", out := folder / "out")
+    return out
 
 
-def biaxial(folder, out):
+def fit_biaxial(folder):
+    """Folder of a fit of crimp interchange."""
     law = CrimpInterchange((2e3, 1.5e3), (0.01, 0.015), 5.0, 2e-3, 0.15)
     data = [biaxial_file(folder / f"{x}.csv", law, x) for x in (0.5, 1.0, 2.0)]
-    how = "--warp-width", 100, "--weft-width", 100, "--slack", 0, "--no-render"
-    fit("biaxial", *data, *how, "--law", "crimp-interchange", "--out", out)
-
-
-BIAS_SIZES = "--width", 100, "--height", 200
-FRAME_SIZES = "--frame-side", 200, "--fabric-side", 160
-FITS = {
-    "polynomial": shear("bias-extension", BIAS_SIZES),
-    "sin2": shear("picture-frame", FRAME_SIZES, "--law", "sin2"),
-    "locking": shear("picture-frame", FRAME_SIZES, "--law", "locking"),
-    "tabulated": shear(
-        "bias-extension", BIAS_SIZES, "--law", "tabulated", "--points", 3
-    ),
-    "linear": shear("picture-frame", FRAME_SIZES, "--law", "linear"),
-    "crimp-interchange": biaxial,
-}
+    how = "--warp-width 100 --weft-width 100 --slack 0 --law crimp-interchange --out"
+    fit("biaxial", *data, how, out := folder / "out")
+    return out
 
 
 def block(out, name):
@@ -109,19 +105,17 @@ def of_joint(tmp_path_factory):
         patch.setattr(figure, "draw_panels", keep_panels)
         laws = {f"polynomial of degree {n}": ("polynomial", n) for n in (3, 7)}
         patch.setattr(selection, "_SHEAR_CANDIDATES", laws)
-        fit(
-            "joint",
-            joint_file(folder, TOE),
-            *("--shear-law", "auto", "--out", out := folder / "out"),
-        )
+        data, out = joint_file(folder, TOE), folder / "out"
+        fit("joint", data, "--shear-law auto --out", out, draw=True)
     return out
 
 
-@pytest.mark.parametrize("name", [*FITS, "joint"])
+@pytest.mark.parametrize("name", [*FITS, "crimp-interchange", "joint"])
 def test_the_laws_of_a_page_are_those_of_the_fit(name, of_joint, tmp_path, monkeypatch):
     out = of_joint
     if name != "joint":
-        FITS[name](tmp_path, out := tmp_path / "out")
+        of_name = name in FITS
+        out = fit_shear(name, tmp_path) if of_name else fit_biaxial(tmp_path)
     fabric = read_fabric(out / "fabric.json").fabric
     monkeypatch.chdir(out)
     names = {}
@@ -145,20 +139,17 @@ def test_the_laws_of_a_page_are_those_of_the_fit(name, of_joint, tmp_path, monke
 def test_the_page_of_a_joint_fit_repeats_it_in_python(tmp_path, monkeypatch):
     file = joint_file(tmp_path, TOE, ["bias"])
     file.write_text(f"{file.read_text()}\nslack = 0\nforce_at_rest = 0\n")
-    how = "--degree", 3, "--up-to", 25, "--bound", "c1=0,1", "--simulate", 2
-    fit("joint", file, *how, "--no-render", "--out", out := tmp_path / "out")
+    how = "--degree 3 --up-to 25 --bound c1=0,1 --simulate 2 --out"
+    fit("joint", file, how, out := tmp_path / "out")
     monkeypatch.chdir(out)
     names = {}
     exec(f"{block(out, 'python')}\n{block(out, 'repetition')}", names)
     found = names["fabric_fit"].fit.joint
-    summary = json.loads((out / "summary.json").read_text())
+    summary = summary_in(out)
     assert summary["laws"]["Shear"]["compared_with"] == "simulations"
     summary = summary["joint"]
-    assert (
-        list(found.model.parameters)
-        == summary["parameters"]
-        == ["shear c1", "shear c3"]
-    )
+    assert [*found.model.parameters] == summary["parameters"]
+    assert summary["parameters"] == ["shear c1", "shear c3"]
     assert found.values.tolist() == pytest.approx(summary["values"], rel=1e-6)
     deviations = found.deviation(np.eye(2))[0].tolist()
     assert deviations == pytest.approx(summary["standard_deviations"], rel=1e-6)
@@ -168,7 +159,7 @@ def test_a_page_has_every_part_and_no_external_references(of_joint):
     out = of_joint
     assert references(out / "report.html") == []
     page = Page((out / "report.html").read_text(encoding="utf-8"))
-    summary = json.loads((out / "summary.json").read_text())
+    summary = summary_in(out)
     for part in (
         "follows the data within the noise",
         "separator comma, decimal point, displacement from column 1",
@@ -207,15 +198,17 @@ def test_at_most_twelve_parameters_are_in_the_table_of_correlations():
     assert row[1 + [r[0] for r in table["rows"]].index("p14")] == "-0.50"
 
 
+LINEAR = "--law linear --slack 0 --force-at-rest 0 --out"
+
+
 def test_only_deviations_above_the_error_of_a_machine_are_marked(tmp_path):
     """A parabola that a line fits, with a curvature of 1 % or 30 % of the force."""
     rows = []
     for share in (0.01, 0.3):
         law = Polynomial((0.1, 0.0, 0.1 * share / np.radians(40.0) ** 2), odd=True)
         file = shear_file(tmp_path / "pull.csv", FRAME, law, share=0.0, n=60)
-        how = "--law", "linear", "--slack", 0, "--force-at-rest", 0, "--no-render"
-        fit("picture-frame", file, *FRAME_SIZES, *how, "--out", out := tmp_path / "out")
-        (one,) = json.loads((out / "summary.json").read_text())["laws"].values()
+        fit("picture-frame", file, FRAME_SIZES, LINEAR, out := tmp_path / "out")
+        (one,) = summary_in(out)["laws"].values()
         assert one["systematic"] == ["pull.csv"]
         rows.append(_law_row("Shear", one))
         (curve,) = one["curves"]
@@ -226,7 +219,7 @@ def test_only_deviations_above_the_error_of_a_machine_are_marked(tmp_path):
 
 
 def test_the_report_of_a_run_does_not_replace_that_of_a_fit(tmp_path, capsys):
-    FITS["linear"](tmp_path, out := tmp_path / "out")
+    out = fit_shear("linear", tmp_path)
     before = (out / "report.html").read_bytes()
     assert cli.main(["report", str(out)]) == 2
     assert "is not the summary of a run" in capsys.readouterr().err
@@ -248,8 +241,7 @@ def test_two_files_of_one_name_have_their_own_pictures(tmp_path, monkeypatch):
         (tmp_path / str(i)).mkdir()
         shear_file(tmp_path / str(i) / "pull.csv", FRAME, law, n=15)
     data = [tmp_path / str(i) / "pull.csv" for i in range(2)]
-    how = "--law", "linear", "--slack", 0, "--force-at-rest", 0
-    fit("picture-frame", *data, *FRAME_SIZES, *how, "--out", tmp_path / "out")
+    fit("picture-frame", *data, FRAME_SIZES, LINEAR, tmp_path / "out", draw=True)
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     pictures = re.findall(r'src="([^"]*)" alt="[12]\. pull', text)
     assert len({*pictures}) == 2

@@ -1,7 +1,6 @@
 """Ctrl-C and SIGTERM end a run with one line and lose no results."""
 
 import contextlib
-import json
 import os
 import random
 import signal
@@ -9,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pytest
 
@@ -18,9 +16,8 @@ from skfem_textile.cli.interruption import INTERRUPTED, held, raised
 from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.solve import interval
 from skfem_textile.solve.stepper import Run
-from tests.helpers.command_line import DRAWN, QUICK, is_whole
+from tests.helpers.command_line import DRAWN, OF_CHILD, QUICK, is_whole, summary_in
 
-ROOT = Path(__file__).parents[2]
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
@@ -41,7 +38,7 @@ def interrupt_run(out, number, seconds, *options):
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env=OF_CHILD,
     )
     with child:
         lines = iter(child.stderr.readline, "")
@@ -144,13 +141,8 @@ def test_a_signal_in_a_string_that_is_run_ends_the_command_as_any_other(tmp_path
         "main._dispatch = lambda _: exec('raise KeyboardInterrupt')\n"
         "raise SystemExit(main.main([]))\n"
     )
-    child = subprocess.run(
-        [sys.executable, "-m", "interrupted"],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
+    options = {"capture_output": True, "text": True, "cwd": tmp_path, "env": OF_CHILD}
+    child = subprocess.run([sys.executable, "-m", "interrupted"], **options)
     assert child.returncode == INTERRUPTED
     assert child.stderr == "skfem-textile: interrupted\n"
 
@@ -182,6 +174,13 @@ def test_another_thread_changes_no_signal_handler():
     assert done == [True]
 
 
+def interrupted_run(out, *options):
+    """Summary of a run that a signal interrupts, and whose results are whole."""
+    assert cli.main(["run", "strip", *options, "--out", str(out)]) == INTERRUPTED
+    assert is_whole(out)
+    return summary_in(out)
+
+
 def test_results_are_written_whole_despite_a_signal(tmp_path, capsys, monkeypatch):
     move = ResultFolder._move
 
@@ -190,15 +189,9 @@ def test_results_are_written_whole_despite_a_signal(tmp_path, capsys, monkeypatc
         move(folder)
 
     monkeypatch.setattr(ResultFolder, "_move", interrupted_move)
-    out = tmp_path / "out"
-    assert cli.main(["run", "strip", *QUICK, "--out", str(out)]) == INTERRUPTED
-    stderr = capsys.readouterr().err
-    assert (
-        stderr
-        == "skfem-textile: interrupted: the results computed so far are written\n"
-    )
-    assert (out / "summary.json").exists()
-    assert is_whole(out)
+    assert interrupted_run(tmp_path / "out", *QUICK)
+    message = "interrupted: the results computed so far are written"
+    assert capsys.readouterr().err == f"skfem-textile: {message}\n"
 
 
 @pytest.mark.parametrize(
@@ -219,16 +212,12 @@ def test_a_signal_during_the_error_interval_loses_no_result(
         time.sleep(10)
 
     monkeypatch.setattr(interval, "_interval", interrupted)
-    out = tmp_path / "out"
-    command = ["run", "strip", *QUICK, *options, "--out", str(out)]
-    assert cli.main(command) == INTERRUPTED
+    summary = interrupted_run(tmp_path / "out", *QUICK, *options)
     stderr = capsys.readouterr().err
     assert stderr.startswith("skfem-textile: interrupted")
     assert stderr.endswith(f": {written}\n")
-    summary = json.loads((out / "summary.json").read_text())
     assert summary["error_interval"] == "none: interrupted"
     assert summary["converged"]
-    assert is_whole(out)
 
 
 def test_an_interrupted_run_skips_the_error_interval(tmp_path, monkeypatch):
@@ -240,9 +229,7 @@ def test_an_interrupted_run_skips_the_error_interval(tmp_path, monkeypatch):
     advance = Run._step
     monkeypatch.setattr(Run, "_step", interrupted_step)
     monkeypatch.setattr(interval, "_interval", lambda *_: pytest.fail("computed"))
-    out = tmp_path / "out"
-    assert cli.main(["run", "strip", *QUICK, "--out", str(out)]) == INTERRUPTED
-    summary = json.loads((out / "summary.json").read_text())
+    summary = interrupted_run(tmp_path / "out", *QUICK)
     assert summary["error_interval"] == "none: interrupted"
 
 
@@ -255,11 +242,8 @@ def test_a_picture_is_finished_despite_a_signal(tmp_path, capsys, monkeypatch):
         os.kill(os.getpid(), signal.SIGINT)
         drawn.append(True)
 
-    for name in ("fibre_strain", "shear_angle", "fibre_directions", "animation"):
-        monkeypatch.setattr(plot, name, draw)
-    out = tmp_path / "out"
-    assert cli.main(["run", "strip", *DRAWN, "--out", str(out)]) == INTERRUPTED
+    monkeypatch.setattr(plot, "fibre_strain", draw)
+    assert interrupted_run(tmp_path / "out", *DRAWN)
     assert drawn == [True]
     message = "interrupted: the numerical results are written, the pictures are not"
     assert capsys.readouterr().err == f"skfem-textile: {message}\n"
-    assert is_whole(out)

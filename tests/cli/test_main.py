@@ -9,11 +9,9 @@ import pytest
 from skfem_textile.cases import SCENES, case_from_tables
 from skfem_textile.cli import main as cli
 from skfem_textile.declarations.scenes import PlaneScene
-from tests.helpers.command_line import QUICK, rejected
+from tests.helpers.command_line import rejected
 
 pytestmark = pytest.mark.usefixtures("no_interval")
-
-# Commands, and responses to invalid input, signals and unusual words
 
 
 def test_list_names_the_scenes(capsys):
@@ -26,14 +24,6 @@ def test_list_names_the_scenes(capsys):
         *("hemisphere_forming", "double_dome_forming", "forming"),
     ]
     assert [line.split()[0] for line in lines] == names
-
-
-def test_usual_notations_of_numbers_are_accepted(tmp_path):
-    options = ("--force", "top=.5,1.", "--set", "scene.rotate_deg=.5", "mesh.seed=02")
-    assert cli.main(["run", "strip", *QUICK, *options, "--out", str(tmp_path)]) == 0
-    inputs = json.loads((tmp_path / "summary.json").read_text())["inputs"]
-    assert inputs["loads"]["force_N"] == {"top": [0.5, 1.0]}
-    assert (inputs["scene"]["rotate_deg"], inputs["mesh"]["seed"]) == (0.5, 2)
 
 
 def test_the_middle_of_a_long_line_is_elided(tmp_path, capsys):
@@ -111,15 +101,6 @@ def test_a_plain_run_is_close_to_its_exact_solution(
         assert summary[key] == pytest.approx(exact, abs=tolerance)
 
 
-def test_the_other_scenes_are_the_bias_extension():
-    others = {"strip", "picture_frame", "trellis", "simple_shear"}
-    tools = {"hemisphere", "cylinder", "double_dome", "saddle", "drape"}
-    formed = {"hemisphere_forming", "double_dome_forming", "forming"}
-    bent = {"cantilever", "buckling"}
-    rest = set(SCENES) - others - bent - tools - formed
-    assert rest == {"bias_extension", "specimen"}
-
-
 def test_a_plain_bias_extension_shows_its_three_zones(tmp_path, capsys):
     summary, inputs = plain_run(capsys, "bias_extension", tmp_path, "--steps 4")
     fibres, shear = (inputs[law]["stiffness_N_per_mm"] for law in ("tension", "shear"))
@@ -143,15 +124,14 @@ def test_a_plain_bias_extension_shows_its_three_zones(tmp_path, capsys):
     [
         ("bias_extension", ["(default: graded)", "(default: 100000.0)"]),
         ("strip", ["(default: 10x15)", "(default: 10000.0)", "(default: 0.0)"]),
-        ("trellis", ["(default: 10000.0)", "(default: 0.5)", "(default: auto)"]),
+        ("trellis", ["which they roll; may be repeated", "(default: auto)"]),
     ],
 )
-def test_the_help_of_a_scene_lists_its_defaults(capsys, scene, message):
+def test_the_help_of_a_scene_has_meanings_and_defaults(capsys, scene, message):
     with pytest.raises(SystemExit):
         cli.main(["run", scene, "--help"])
     text = " ".join(capsys.readouterr().out.split())
-    for words in message:
-        assert words in text
+    assert [words for words in message if words not in text] == []
 
 
 def test_only_scenes_in_the_plane_have_a_rotation_option():

@@ -1,20 +1,16 @@
 """Bad input is refused in one line that names it, and no file is written."""
 
 import shlex
-import shutil
 
 import numpy as np
 import pytest
 
 from skfem_textile import (
-    CrimpInterchange,
     CrimpToe,
     Fabric,
     Linear,
-    TensionOnly,
 )
-from skfem_textile.cases import CaseFileError, case_from_file, case_from_tables
-from skfem_textile.cli import main as cli
+from skfem_textile.cases import CaseFileError, case_from_tables
 from skfem_textile.fabric.directions import directions_of
 from skfem_textile.fabric.files import write_law
 from skfem_textile.io import write_directions, write_fabric
@@ -27,10 +23,6 @@ from tests.helpers.tools import write
 
 HOLE = MESH.with_name("hole.msh")
 LOCKING, LAST = "--shear-law locking", "--set shear.locking_angle_deg"
-CRIMPED = (
-    "--tension-law crimp-interchange --set tension.toe=0.004 "
-    "tension.initial_stiffness_N_per_mm=100 tension.bending_N_per_mm=1"
-)
 SIZES = "--width 100 --height 200"
 NINES = "9" * 23
 
@@ -46,62 +38,29 @@ LINES = {
     "run strip --out file/out": [("", "file")],
     "run strip --out out": [
         # numbers
-        ("--fibre-stiffness -5", "tension stiffness must be"),
         ("--fibre-stiffness 0", "no stiffness"),
         ("--shear-stiffness nan", "must be a finite number, got nan"),
-        ("--shear-law sin2 --shear-stiffness -1", "shear stiffness must be"),
-        (
-            "--fibre-stiffness 1e308 --formulation macro",
-            "force of a law is not finite at rest",
-        ),
         ("--shear-stiffness 1e308", "force of a law is not finite at rest"),
-        ("--steps 0", "steps must be a whole number"),
         (f"--steps {NINES}", f"from 1 to 1000000, got {NINES}"),
-        ("--rotate nan", "--rotate must be a finite number"),
         ("--rotate 1e17", "--rotate must be a number <= 36000.0"),
         # meshes
-        ("--size 10", "expected NXxNY, such as 10x15, got '10'"),
-        ("--size 0x5", "at least 1x1"),
         ("--size 1000000x1000000", "llocate"),
         ("--size 99999999999x1", "--size must be an integer <= 1000000"),
-        ("--set mesh.size=3", "mesh.size must be an array, got an integer"),
-        ("--set mesh.jitter=2", "jitter must be at least 0 and below 1"),
         ("--set mesh.seed=-1", "seed must be"),
         ("--mesh curly", "curly is neither an existing file nor one of graded"),
         ("--mesh 'a\nb\x1b[31m'", r"--mesh a\nb\x1b[31m is neither an"),
         ("--mesh bad.msh", "bad.msh"),
-        *(
-            (f"--mesh {MESH} --set mesh.{key}={x}", f"mesh.{key} does not apply to the")
-            for key, x in (("size", "[3,4]"), ("jitter", 0.1), ("seed", 2))
-        ),
+        (f"--mesh {MESH} --set mesh.seed=2", "mesh.seed does not apply to the mesh"),
         # formulations
         ("--formulation fuller", "--formulation"),
         ("--set formulation.cs_N_per_mm=-1", "stabilisation must be"),
-        ("--set formulation.cs_N_per_mm=much", "expected one of a number, auto"),
-        (
-            "--set formulation.stabilisation=magic",
-            "requires that --formulation is one-point",
-        ),
-        *(
-            (
-                f"--formulation {name} --set formulation.cs_N_per_mm=4",
-                "cs_N_per_mm requires that --formulation is one-point or macro",
-            )
-            for name in ("full", "quadratic")
-        ),
-        (
-            "--formulation one-point --set formulation.deviation=20",
-            "formulation.deviation requires that --formulation is quadratic",
-        ),
         (
             "--set formulation.cs_N_per_mm=4 formulation.stabilisation=rate",
             "stabilisation requires that --formulation is one-point",
         ),
         ("--set 'formulation.name=x - at $.y'", "is 'x - at $.y': expected one of"),
         # stepping
-        ("--set stepping.method=magic", "'magic': expected one of"),
         ("--set 'stepping.warn_only=[\"magic\"]'", "stepping.warn_only is 'magic'"),
-        ("--set stepping.methods=newton", "did you mean 'method'"),
         ("--resume '--paper x'", "'--paper x' is not an option"),
         ("--resume file/c", "cannot write to checkpoint"),
         ("--checkpoint c --resume d", "name different folders"),
@@ -113,65 +72,21 @@ LINES = {
         ("--set 'stepping.steps=2\nfoo=9'", "stepping.steps must be an integer"),
         (f"--set scene.{'a.' * 1500}b=1", "expected KEY=VALUE, such as stepping.st"),
         ("--size=--", "expected a value, got"),
-        ("--out=--", "expected a value, got"),
         *(
             (f"--{x} ''", f"argument --{x}: the name of a folder must not be empty")
             for x in ("out", "checkpoint", "resume")
         ),
         # loads
-        *(
-            (f"--force {x}", "force")
-            for x in ("top", "top=1", "top=1,2,3", "=1,2", "top=nan,0", "lid=1,2")
-        ),
+        ("--force top=1", "--force must be an array"),
+        ("--force =1,2", "argument --force: expected NAME=VALUE, such as top=0,40"),
+        ("--force lid=1,2", "no boundary 'lid'"),
         # laws
         ("--shear-law sin", "'sin': expected one of linear, sin2, FILE.csv"),
         ("--shear-law FILE.csv", "--shear-law FILE.csv: no such file"),
-        ("--shear-law crimp-interchange", "'crimp-interchange': expected one of"),
-        (LOCKING, "shear.locking_angle_deg is missing"),
         (f"{LOCKING} {LAST}=60", "shear stiffness must be a finite number > 0, got 0"),
-        (
-            f"{LOCKING} --shear-stiffness 1 {LAST}=120",
-            "shear.locking_angle_deg must be a number <= 90.0",
-        ),
-        (
-            f"--shear-law sin2 {LAST}=60",
-            "shear.locking_angle_deg requires that --shear-law is locking",
-        ),
-        (
-            "--shear-law polynomial --set shear.coefficients_N_per_mm=1,a",
-            "shear.coefficients_N_per_mm must be an array, got text",
-        ),
-        (
-            "--shear-law polynomial --shear-stiffness 0.4",
-            "--shear-stiffness requires that --shear-law is linear",
-        ),
-        (
-            "--tension-law sin2",
-            "'sin2': expected one of linear, FILE.csv, crimp-toe, crimp-interchange",
-        ),
-        ("--tension-law crimp-toe", "tension.toe is missing"),
-        (CRIMPED, "tension.warp_crimp is missing"),
-        (
-            f"{CRIMPED} tension.warp_crimp=-1 tension.weft_crimp=0",
-            "tension crimp must be a finite number >= 0, got -1.0",
-        ),
-        (
-            f"{CRIMPED} tension.warp_crimp=1 tension.weft_crimp=0",
-            "tension crimp must be a ratio of at most 0.5, such as 0.01 for 1 %",
-        ),
-        (
-            "--set tension.extrapolation=linear",
-            "tension.extrapolation requires that --tension-law is FILE.csv",
-        ),
+        (f"{LOCKING} {LAST}=120", "shear.locking_angle_deg must be a number <= 90.0"),
         ("--set tension.file=a.csv", "a table of a law has no key"),
-        (
-            "--tension-law tension.csv",
-            "row 4: the argument 0.1 must be larger than the previous one, 0.2",
-        ),
-        (
-            "--shear-law tension.csv",
-            "tension.csv, row 1: the header must be of the form 'shear angle (deg)",
-        ),
+        ("--shear-law tension.csv", "row 1: the header must be of the form 'shear ang"),
         (
             "--tension-law tension.csv --fibre-stiffness 3",
             "--fibre-stiffness requires that --tension-law is linear or crimp-",
@@ -182,86 +97,56 @@ LINES = {
     ],
     "run trellis --out out": [
         ("--free lid", "argument --free: invalid choice: 'lid'"),
-        ("--free left right top bottom", "no side is held"),
         ("--free left --roller left=3", "the side left is both in --free"),
         ("--roller left", "such as top=0,40, got 'left'"),
         ("--roller left=up", "--roller must be a number, got text"),
         ("--roller lid=3", "--roller is 'lid': expected one of top, right"),
         ("--roller left=nan", "scene.roller_deg.left must be a finite number"),
         ("--roller top=1 --roller top=2", "top is given twice"),
-        ("--fibres nan", "--fibres must be a finite number"),
     ],
     "run bias_extension --out out": [
         ("--fibres 30 --weft 135", "got 30 and 135"),
-        ("--part third", "argument --part: invalid choice"),
         ("--tolerance 2", "must be between 0 and 1"),
-        ("--tolerance nan", "--tolerance must be a finite number"),
-        ("--tolerance much", "--tolerance"),
         ("--tolerance 0.1 --checkpoint", "cannot write checkpoints"),
         (
-            "--mesh delaunay --size 2x4 --tolerance 0.1 "
-            "--set stepping.most_unknowns=10",
+            "--size 2x4 --tolerance 0.1 --set stepping.most_unknowns=10",
             "more than most_unknowns, 10",
         ),
-        (
-            "--set stepping.most_unknowns=5000",
-            "stepping.most_unknowns requires --tolerance",
-        ),
+        ("--set stepping.most_unknowns=9", "most_unknowns requires --tolerance"),
     ],
     "run bias_extension --size 3x6 --out out": [
-        ("--set fabric.thickness_mm=0.3", "fabric.material require --fabric"),
-        ("--fabric none.json", "none.json"),
+        ("--set fabric.thickness_mm=0.3", "fabric.thickness_mm requires --fabric"),
         ("--fabric cloth.json --fibre-stiffness 1", "[tension] sets a law"),
         ("--directions ply.vtu", "there are 32 fibre directions for 18 elements"),
-        ("--directions cloth.json", "can be read only from"),
     ],
     f"run specimen --mesh {HOLE} --tolerance 0.1 --out out": [
-        (
-            "--set regions.all.shear.stiffness_N_per_mm=1",
-            "not possible with regions: omit --tolerance",
-        ),
-        (
-            "--directions other.csv",
-            "not possible with --directions: omit --tolerance",
-        ),
+        ("--set regions.all.shear.law=linear", "not possible with regions: omit --tol"),
+        ("--directions other.csv", "not possible with --directions: omit --tol"),
     ],
     "run cantilever --out out": [
-        (
-            f"--mesh {HOLE} --tolerance 0.1",
-            "not possible with the scene cantilever, which is in space",
-        ),
-        ("--set bending.warp_N_mm=-1", "bending of warp"),
-        ("--force right=0,1", "shape (3,)"),
+        (f"--mesh {HOLE} --tolerance 0.1", "the scene cantilever, which is in space"),
     ],
     "show --out out": [
         ("none.vtu", "no such file"),
         ("ply.vtu --warp 0", "must be given together"),
-        ("ply.vtu --warp 0 --weft 180", "parallel"),
         ("ply.vtu --warp east --weft 90", "degrees, got 'east'"),
         ("ply.vtu --warp 0 --weft 90 --directions x", "omit one"),
-        (
-            "ply.vtu --directions other.csv",
-            "other.csv has fibre directions for 1 elements, but the mesh has 32",
-        ),
+        ("ply.vtu --directions other.csv", "for 1 elements, but the mesh has 32"),
     ],
     "net --tool cap.stl --out out": [
         ("--cell -1", "expected a positive length in mm, got '-1'"),
         ("--cell 0.01", "the length of a cell must be between"),
-        ("--cell 50", "the length of a cell must be between"),
         ("--point 0 0 90", "is further from the tool than"),
         ("--warp-along none.csv", "none.csv"),
         ("--darts", "--darts requires --locking-angle"),
         ("--best mean --point 0 0 0", "--best cannot be combined with --point"),
-        (
-            "--trim beyond.csv",
-            "beyond.csv: the curve leaves the tool: 3 of its 4 points are up to",
-        ),
-        (
-            "--trim metres.csv",
-            "its coordinates are in m: state this unit in the file, as 'x (m)'",
-        ),
+        ("--layer CUT", "--layer requires --outline"),
+        ("--part-reach 2", "--part-reach requires --part-mesh or --deck"),
+        ("--outline ply.csv --best", "--outline cannot be combined with --best"),
+        ("--trim beyond.csv", "the curve leaves the tool: 3 of its 4 points are up to"),
+        ("--trim metres.csv", "state this unit in the file, as 'x (m)' in the header"),
     ],
-    "report": [("no", "is not a results folder"), ("folder.toml", "contains no summ")],
+    "report": [("no", "no/summary.json is missing: name the results folder of a run")],
     "fit bias-extension --out out": [
         (f"missing.csv {SIZES}", "missing.csv"),
         ("0.csv --width 100", "--height is missing"),
@@ -269,10 +154,7 @@ LINES = {
         (f"0.csv {SIZES} --law spline", "unknown law 'spline': choose one of polynomi"),
         (f"0.csv {SIZES} --bound c1=2,1", "such as c1=0,1, got 'c1=2,1'"),
         (f"0.csv {SIZES} --unit force", "such as force=kN, got 'force'"),
-        (f"0.csv {SIZES} --unit time=s", "--unit time: unknown column"),
         (f"0.csv {SIZES} --fabric 0.csv", "0.csv: fabrics can be read only from"),
-        (f"0.csv {SIZES} --extrapolation linear", "omit the extrapolation"),
-        (f"0.csv {SIZES} --extrapolation cubic", "invalid choice"),
         (f"0.csv {SIZES} --warp 60", "must be at least 346.41 mm high"),
         (
             f"0.csv {SIZES} --validate tests.toml",
@@ -365,14 +247,11 @@ CASES = [
     ("steps = 2", "stepz = 2", "stepping has no key 'stepz'; did you mean 'steps'"),
     ("[stepping]", "[steping]", "there is no table 'steping'; did you mean 'st"),
     ("steps = 2", "steps = 2.5", "stepping.steps must be an integer, got a number"),
-    ("steps = 2", "steps = '2'", "stepping.steps must be an integer, got text"),
     ("steps = 2", "steps = 0", "steps must be a whole number"),
     ("steps = 2", "steps", "the file is not valid TOML: "),
     ("stiffness_N_per_mm", "stiffness", "did you mean 'stiffness_N_per_mm'"),
-    ("stiffness_N_per_mm", "stiffness_kN_per_m", "did you mean 'stiffness_N_per_mm'"),
     ("height_mm = 110", "height_cm = 11", "did you mean 'height_mm'"),
     ("= 110", "= nan", "scene.height_mm must be a finite number, got nan"),
-    ("rotate_deg = 20", "rotate_deg = inf", "scene.rotate_deg must be a finite number"),
     ("rotate_deg", "bend_deg", "scene.bend_deg requires that scene.name is trellis"),
     ('"specimen"', '"speciment"', "scene.name is 'speciment': expected one of"),
     ("[shear]", "[tension.weft]\ntoe = 1\n[shear]", "tension.weft.toe requires"),
@@ -385,43 +264,25 @@ CASES = [
         "tension pretension must be a finite number >= 0",
     ),
     ("toe = 0.004\n", "", "tension.toe is missing"),
-    ("toe = 0.004", "toe = -1", "toe must be a finite number > 0, got -1.0"),
     ('"crimp-toe"', '"linear"', "tension.toe requires that tension.law is crimp-toe"),
-    ('"crimp-toe"', '"crimp"', "tension.law is 'crimp': expected one of linear"),
+    (
+        '"crimp-toe"',
+        '"crimp-interchange"\nwarp_crimp = 1\nweft_crimp = 0\nbending_N_per_mm = 1',
+        "tension crimp must be a ratio of at most 0.5, such as 0.01 for 1 %",
+    ),
     ("tables/shear", "shear", "shear.law "),
     ('"odd"', '"old"', "'old': expected one of none, odd; did you mean 'odd'"),
     ('"one-point"', '"full"', "formulation.cs_N_per_mm requires that formulation.name"),
     ("= 2\n[loads", "= 'aut'\n[loads", "is 'aut': expected one of a number, auto"),
     ('["free", 12]', '["fre", 12]', "scene.move_mm is 'fre': expected one of a number"),
-    ('["free", 12]', "[12]", "scene.move_mm"),
     ("top = ", "lid = ", "the mesh has no boundary 'lid'"),
-    ("[0.5, 0]", "[inf, 0]", "loads.force_N.right must be a finite number"),
-    ("size = [2, 3]", "source = 'x.msh'", "is neither an existing file nor one of"),
     ("size = [2, 3]", "size = [3]", "must be an array of length 2, got 1"),
     ("size = [2, 3]", "size = 1979-05-27", "must be an array, got a date"),
     ('"superlu"', '"supreme"', "expected one of auto, rslab"),
-    (
-        "[loads.force_N]",
-        "[loads]\nforce_N = 1\n[x]",
-        "loads.force_N must be a table, got an integer",
-    ),
+    ("[loads.force_N]", "[loads]\nforce_N = 1\n[x]", "force_N must be a table, got an"),
     ("[shear]", "[regions.a]\n[shear]", "no subdomain 'a' (available: none)"),
-    (
-        "[shear]",
-        "[regions.a]\n[fabric]\nfile = 'a.inp'\n[shear]",
-        "[tension] sets a law, but fabric.file",
-    ),
     ("[shear]", "[regions.a.tensio]\n[shear]", "regions.a has no key 'tensio'"),
-    (
-        "[shear]",
-        "[fabric]\nunits = 'N m'\n[shear]",
-        "fabric.material require fabric.file",
-    ),
-    (
-        "[shear]",
-        "[fabric]\nfile = 'a.inp'\n[shear]",
-        "[tension] sets a law, but fabric.file",
-    ),
+    ("[shear]", "[fabric]\nfile = 'a.inp'\n[shear]", "[tension] sets a law, but fab"),
     ("[mesh]", "[mesh]\ndirections = 'a.csv'", "a.csv"),
 ]
 
@@ -474,58 +335,15 @@ def test_values_without_a_file_format_are_refused(tables, text):
         case_from_tables(tables)
 
 
-NO_COMPRESSION = 'compression = "none"'
-
-
-@pytest.mark.parametrize(
-    ("tension", "keys", "text"),
-    [
-        (TensionOnly(Linear(1e4)), NO_COMPRESSION, "already contains a law"),
-        (
-            CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0),
-            NO_COMPRESSION,
-            "tension law of both strains",
-        ),
-        (
-            Linear(1e4),
-            f"{NO_COMPRESSION}\n[fabric.in_compression]\nstiffness_N_per_mm = 3",
-            "compression is 'none', but in_compression is a law: omit one",
-        ),
-        (Linear(1e4), f"[tension]\n{NO_COMPRESSION}", "fabric.in_compression add"),
-        (None, NO_COMPRESSION, "require fabric"),
-    ],
-)
-def test_two_statements_about_compression_are_refused(tmp_path, tension, keys, text):
-    lines = '[scene]\nname = "strip"\n[fabric]\n'
-    if tension is not None:
-        write_fabric(tmp_path / "fabric.json", Fabric(tension, 0.1))
-        lines += 'file = "fabric.json"\n'
-    with pytest.raises(CaseFileError, match=text):
-        case_from_file(write_case(tmp_path, lines + keys))
-
-
 @pytest.mark.parametrize(
     ("curve", "text"),
     [
-        ("", "the file is empty"),
-        ("time (s)\n1\n2\n", "row 2: the columns are named time"),
         ("force (N)\n1\n2\n", "the headings must name a displacement or an angle"),
-        (
-            "displacement (mm),force (t)\n0,0\n1,1\n",
-            "'force' must be one of N, kN, cN, mN, daN, lbf, kgf, gf, got 't'",
-        ),
         (
             "angle (deg),force (N),force (N)\n0,0,0\n1,1,1\n",
             "column 2 ('force') and column 3 ('force') may each be the force",
         ),
         ("angle (deg),force (N)\n0,0\n", "at least two rows"),
-        *(
-            (
-                f"angle (deg),force (N)\n0,0\n{row}\n",
-                f"row 3: expected 2 cells with finite numbers, got '{row}'",
-            )
-            for row in ("1,one", "1,inf", "1")
-        ),
         ("\0\xff", "no rows of numbers"),
     ],
 )
@@ -535,38 +353,3 @@ def test_a_file_without_a_curve_of_a_test_is_refused(tmp_path, capsys, curve, te
     line = "run", "strip", "--test-curve", str(file), "--out", str(tmp_path / "out")
     assert text in rejected(capsys, *line)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    """Results of a run with the curve of a test."""
-    folder = tmp_path_factory.mktemp("results")
-    (folder / "test.csv").write_text("displacement (mm),force (N)\n0,0\n4,1\n8,3\n")
-    line = f"run strip --size 2x2 --steps 1 --no-render --out {folder / 'out'}"
-    assert cli.main([*line.split(), "--test-curve", str(folder / "test.csv")]) == 0
-    return folder / "out"
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "text"),
-    [
-        ("summary.json", "{", "summary.json is not the summary of a run"),
-        ("summary.json", '{"reports": {}}', "is not the summary of a run"),
-        ("summary.json", '{"scene": "strip", "first": [1]}', "summary.json is damaged"),
-        ("summary.json", None, "is not a results folder: it contains no summary.json"),
-        ("case.toml", "x", "is damaged: it is not a valid case file"),
-        (
-            "case.toml",
-            "[scene]\nname = 'strip'\n[output]\ntest_curve = 'no.csv'",
-            "no.csv",
-        ),
-        ("curve.csv", "x", "curve.csv: the file contains no rows of numbers"),
-    ],
-)
-def test_damaged_results_have_no_report(results, tmp_path, capsys, name, content, text):
-    out = shutil.copytree(results, tmp_path / "out")
-    (out / name).unlink()
-    if content is not None:
-        (out / name).write_text(content)
-    assert text in rejected(capsys, "report", str(out))
-    assert not (out / "report.html").exists()

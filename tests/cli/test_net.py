@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import meshio
 import numpy as np
 import pytest
+import shapely
 from scipy.spatial import KDTree
 
 from skfem_textile import drape
@@ -13,7 +14,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.cli.net_report import Part, refuse_overlap, useless_darts
 from skfem_textile.io import read_surface
 from tests.helpers import tool_shapes
-from tests.helpers.command_line import rejected, summary_in
+from tests.helpers.command_line import summary_in
 from tests.helpers.curves import write_columns
 from tests.helpers.pages import references
 from tests.helpers.tools import write
@@ -96,7 +97,9 @@ def test_fibres_turn_with_the_angle(tmp_path, tool):
 
 def test_a_hole_is_cut_out_of_the_pattern_and_of_the_part(tmp_path):
     ring = write(tmp_path / "ring.stl", *tool_shapes.ring(inner=40.0, outer=100.0))
-    summary = laid(tmp_path / "out", ring, "--cell 16 --point 70 0 0")
+    words = "--cell 16 --point 70 0 0 --pattern csv"
+    summary = laid(tmp_path / "out", ring, words)
+    assert [file.name for file in tmp_path.glob("out/pattern.*")] == ["pattern.csv"]
     area = np.pi * (100.0**2 - 40.0**2)
     for what in ("pattern_area_mm2", "area_of_part_mm2", "area_of_tool_mm2"):
         assert summary[what] == pytest.approx(area, rel=5e-3)
@@ -161,6 +164,12 @@ def trim(path, x, y):
     return write_columns(path, "x,y,z", x, y, z)
 
 
+def trim_box(path, *sides):
+    """A trimming curve along a rectangle between x, y and x, y."""
+    ring = shapely.segmentize(shapely.box(*sides), 4.0).exterior
+    return trim(path, *np.array(ring.xy)[:, :-1])
+
+
 def test_without_a_pattern_the_exit_code_is_one(tmp_path, tool):
     """The curve is a figure of eight."""
     t = np.linspace(0, 2 * np.pi, 80, endpoint=False)
@@ -204,11 +213,7 @@ def test_the_best_start_is_searched_over_the_trimmed_part(
         return SimpleNamespace(start=start, **measures)
 
     monkeypatch.setattr(drape, "best_start", best_start)
-    s = np.linspace(-1.0, 1.0, 16, endpoint=False)
-    side, end = np.full(16, 1.0), 15 * s - 25
-    x = np.concatenate([end, -10 * side, end[::-1] + 2, -40 * side])
-    y = np.concatenate([-30 * side, 30 * s, 30 * side, -30 * s])
-    curve = trim(tmp_path / "trim.csv", x, y)
+    curve = trim_box(tmp_path / "trim.csv", -40, -30, -10, 30)
     words = f"--cell 6 --trim {curve} {fibres} --best largest"
     summary = laid(tmp_path / "best", tool, words)
     assert searched["measure"] == "largest"
@@ -281,26 +286,8 @@ def test_a_ply_with_an_outline_covers_its_own_area(tmp_path, tool):
 
 def test_a_ply_that_is_too_small_does_not_cover_the_trimmed_part(tmp_path, tool):
     (tmp_path / "ply.csv").write_text("\n".join(OUTLINE))
-    s = np.linspace(-1, 1, 12, endpoint=False)
-    one = np.full(12, 1.0)
-    x, y = np.concatenate([s, one, -s, -one]), np.concatenate([-one, s, one, -s])
-    curve = trim(tmp_path / "trim.csv", 30 * x, 10 * y)
+    curve = trim_box(tmp_path / "trim.csv", -30, -10, 30, 10)
     outline = f"--outline {tmp_path / 'ply.csv'} --cell 3 --point 0 0 0 --trim {curve}"
     summary = laid(tmp_path / "out", tool, outline, code=1)
     assert summary["area_not_covered_mm2"] == pytest.approx(2 * 10 * 20, rel=0.2)
     assert "the ply does not lie on" in summary["pattern"]
-
-
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
-        ("--layer CUT", "--layer requires --outline"),
-        ("--part-reach 2", "--part-reach requires --part-mesh or --deck"),
-        ("--outline ply.csv --best", "--outline cannot be combined with --best"),
-        ("--outline none.csv", "none.csv: No such file"),
-        ("--part-mesh none.stl", "none.stl: no such file"),
-    ],
-)
-def test_an_outline_or_a_part_is_refused(tmp_path, tool, words, text, capsys):
-    line = ["net", "--tool", str(tool), "--out", str(tmp_path / "out")]
-    assert text in rejected(capsys, *line, *words.split())

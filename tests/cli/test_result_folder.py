@@ -1,8 +1,15 @@
 """The folder of a result is written at once, or left unchanged."""
 
+import os
+from pathlib import Path
+
 import pytest
 
+from skfem_textile.cli.output import OutputError
 from skfem_textile.cli.result_folder import ResultFolder
+from tests.helpers import full_disk
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="locks are POSIX's")
 
 NAMES = ("summary.json", "picture.png", "fields/step_[0-9]*.vtu")
 
@@ -19,8 +26,7 @@ def test_a_result_replaces_the_previous_one_and_nothing_else(tmp_path):
         (folder / "fields").mkdir()
         for name in ("summary.json", "fields/step_0000.vtu"):
             (folder / name).write_text("new")
-    removed = "; removed from an earlier run: picture.png"
-    assert results.removed_text() == removed
+    assert results.removed_text() == "; removed from an earlier run: picture.png"
     files = {str(p.relative_to(out)): p for p in out.rglob("*") if p.is_file()}
     assert set(files) == {
         "summary.json",
@@ -68,6 +74,8 @@ def test_a_second_run_into_one_folder_is_rejected(tmp_path):
     with pytest.raises(BlockingIOError, match=f"another run is writing to {out}"):
         ResultFolder(out, NAMES)
     with first as folder:
+        with pytest.raises(BlockingIOError):
+            ResultFolder(out, NAMES)
         (folder / "summary.json").write_text("{}")
     ResultFolder(out, NAMES)
     assert [p.name for p in out.iterdir()] == ["summary.json"]
@@ -89,3 +97,24 @@ def test_files_of_others_in_a_new_folder_are_kept_on_failure(tmp_path):
     with pytest.raises(OSError, match="full"), results:
         raise OSError("full")
     assert [p.name for p in out.iterdir()] == ["checkpoint"]
+
+
+def test_a_disk_that_fills_while_files_are_moved_is_reported(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "replace", full_disk)
+    message = r"cannot write results to .*/out: No space left on device"
+    with (
+        pytest.raises(OutputError, match=message),
+        ResultFolder(tmp_path / "out", ["a"]) as folder,
+    ):
+        (folder / "a").write_text("a")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_next_run_removes_unfinished_files_of_a_killed_one(tmp_path):
+    left, current = tmp_path / ".unfinished-left", tmp_path / "own"
+    for path in (left / "fields", current):
+        path.mkdir(parents=True)
+        (path / "file").write_text("half a fi")
+    with ResultFolder(tmp_path, ["a"]) as folder:
+        (folder / "a").write_text("a")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "own"]

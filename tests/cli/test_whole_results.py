@@ -11,14 +11,11 @@ from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.main import command_parser
 from skfem_textile.cli.output import OutputError
-from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.cli.run import run
 from skfem_textile.io import write_fields, write_history
 from skfem_textile.scenes import strip
 from tests.helpers import full_disk
-from tests.helpers.command_line import QUICK, is_whole
-
-ROOT = Path(__file__).parents[2]
+from tests.helpers.command_line import OF_CHILD, QUICK, is_whole
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="locks are POSIX's"),
@@ -90,35 +87,6 @@ def test_writing_one_file_to_a_full_disk_names_its_path(tmp_path, monkeypatch, w
         write(result, tmp_path / "out")
 
 
-def test_a_disk_that_fills_while_files_are_moved_is_reported(tmp_path, monkeypatch):
-    monkeypatch.setattr(Path, "replace", full_disk)
-    message = r"cannot write results to .*/out: No space left on device"
-    with (
-        pytest.raises(OutputError, match=message),
-        ResultFolder(tmp_path / "out", ["a"]) as folder,
-    ):
-        (folder / "a").write_text("a")
-    assert not (tmp_path / "out").exists()
-
-
-def test_the_next_run_removes_unfinished_files_of_a_killed_one(tmp_path):
-    left, current = tmp_path / ".unfinished-left", tmp_path / "own"
-    for path in (left / "fields", current):
-        path.mkdir(parents=True)
-        (path / "file").write_text("half a fi")
-    with ResultFolder(tmp_path, ["a"]) as folder:
-        (folder / "a").write_text("a")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "own"]
-
-
-def test_unfinished_files_of_a_running_run_are_kept(tmp_path):
-    with ResultFolder(tmp_path, ["a"]) as folder:
-        (folder / "a").write_text("a")
-        with pytest.raises(BlockingIOError, match="another run is writing to"):
-            ResultFolder(tmp_path, ["a"])
-    assert (tmp_path / "a").read_text() == "a"
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 @pytest.mark.parametrize(
     "word",
@@ -132,7 +100,7 @@ def test_a_failure_to_print_is_reported_in_one_line(word):
             stderr=subprocess.PIPE,
             text=True,
             check=False,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            env=OF_CHILD,
         )
     assert child.returncode == 1
     reason = "cannot write to the standard output: No space left on device"

@@ -131,5 +131,7 @@ def test_an_angle_has_either_sign_and_a_limit():
 def test_a_name_has_one_value_or_several():
     assert words.pair("top=40") == ("top", 40)
     assert words.pair("top=0,40") == ("top", [0, 40])
+    assert words.pair("top=.5,1.") == ("top", [0.5, 1.0])
+    assert words.setting("mesh.seed=02") == ("mesh.seed", 2)
     with pytest.raises(ArgumentTypeError, match="NAME=VALUE"):
         words.pair("top")

@@ -1,6 +1,7 @@
 """Runs of the command line, for tests."""
 
 import json
+import os
 from functools import partialmethod
 from pathlib import Path
 
@@ -9,7 +10,11 @@ import numpy as np
 from skfem_textile import LoadStepper, Ply
 from skfem_textile.cli import main as cli
 
-MESH = Path(__file__).parents[2] / "examples" / "meshes" / "strip.msh"
+ROOT = Path(__file__).parents[2]
+MESH = ROOT / "examples" / "meshes" / "strip.msh"
+
+#: Environment of a child process that imports this checkout.
+OF_CHILD = {**os.environ, "PYTHONPATH": str(ROOT)}
 
 #: A run that takes a moment and draws its pictures, which take seconds.
 DRAWN = [
@@ -45,6 +50,13 @@ def computed(out, scene, *words):
     options = [option for word in words for option in word.split()]
     assert cli.main(["run", scene, "--out", str(out), *options]) == 0
     return summary_in(out)
+
+
+def fit(kind, *words, draw=False):
+    """Fit without pictures; each word may be several options."""
+    options = [option for word in words for option in str(word).split()]
+    quiet = [] if draw else ["--no-render"]
+    assert cli.main(["fit", kind, *options, *quiet]) == 0
 
 
 def rejected(capsys, *arguments, warnings=0):

@@ -6,9 +6,24 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from zlib import crc32
 
-from tests.sweep.calls import wait_until
+#: Lines that no sweep writes, and starts of lines that receive a valid checksum.
+FOREIGN = (
+    *(b"", b" ", b"\r", b"[]", b"{}", b"null", b"a note of mine", b"\x00" * 40),
+    *(b'{"case": "0", "found": 1}', b'{"case": "0", "found": 1, "checksum": "0"}'),
+    *(b"load,N", b"\xff\xfe\xfa", b'"' * 30, b"x" * 100_000),
+)
+FORGED = (
+    *(b"", b"[", b"{", b"null", b'{"case": ', b'{"case": "0"', b'{"found": 1'),
+    *(b'{"case": 1, "found": 1', b'{"case": ["0"], "found": 1', b"\xff\xff"),
+    *(b'{"case": null, "found": 1', b'{"case": "0", "more": 1, "found": 1'),
+    *(b'{"case": "0", "found": ' + b"[" * 50_000, b'{"case": {}, "found": 2'),
+)
 
-__all__ = ["is_alive", "lines", "process_pool", "wait_until"]
+
+def with_checksum(start):
+    """The start of a line, case and result, with its checksum and its end."""
+    start += b', "checksum": "'
+    return start + f'{crc32(start):08x}"}}\n'.encode()
 
 
 def is_alive(pid):

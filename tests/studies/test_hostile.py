@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers.sweep_cases import is_alive, wait_until
+from tests.helpers.sweep_cases import is_alive
+from tests.sweep.calls import wait_until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="it forks")
 

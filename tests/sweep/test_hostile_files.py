@@ -5,7 +5,6 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
-from zlib import crc32
 
 from hypothesis import strategies as st
 
@@ -19,19 +18,14 @@ from tests.helpers.hostile import (
     rejected,
 )
 from tests.helpers.hostile.damage import REPLACEMENTS, TO_BYTES, replace_file
+from tests.helpers.sweep_cases import FOREIGN, FORGED, with_checksum
 
 # Names of cases, with characters that JSON escapes.
 CASES = ("0", "a b", "größe", '"', "\\", "two\nlines", "{}", "")
 
 # A plain description of the file, independent of the library
 
-START, FOUND, CHECKSUM, END = '{"case": ', ', "found": ', ', "checksum": "', '"}'
-
-
-def with_checksum(start):
-    """The start of a line, case and result, with its checksum and its end."""
-    start += CHECKSUM.encode()
-    return start + f"{crc32(start):08x}{END}".encode() + b"\n"
+START, FOUND, CHECKSUM = '{"case": ', ', "found": ', ', "checksum": "'
 
 
 def line(case, result):
@@ -86,18 +80,6 @@ def read(content):
 
 # Damage
 
-# Lines that no sweep writes, and starts of lines that receive a valid checksum.
-FOREIGN = (
-    *(b"", b" ", b"\r", b"[]", b"{}", b"null", b"a note of mine", b"\x00" * 40),
-    *(b'{"case": "0", "found": 1}', b'{"case": "0", "found": 1, "checksum": "0"}'),
-    *(b"load,N", b"\xff\xfe\xfa", b'"' * 30, b"x" * 100_000),
-)
-FORGED = (
-    *(b"", b"[", b"{", b"null", b'{"case": ', b'{"case": "0"', b'{"found": 1'),
-    *(b'{"case": 1, "found": 1', b'{"case": ["0"], "found": 1', b"\xff\xff"),
-    *(b'{"case": null, "found": 1', b'{"case": "0", "more": 1, "found": 1'),
-    *(b'{"case": "0", "found": ' + b"[" * 50_000, b'{"case": {}, "found": 2'),
-)
 RESULTS = (0, 1.5, None, "text", [], {"value": 2}, float("nan"), 10**400)
 
 foreign = st.sampled_from(FOREIGN)

@@ -11,19 +11,18 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecu
 from contextlib import nullcontext
 from functools import partial
 from importlib import import_module
-from pathlib import Path
 from threading import Event
 
 import pytest
 
 from skfem_textile.solve import solver_threads
 from skfem_textile.sweep import SweepError, WorkerProcesses, sweep
-from tests.helpers.sweep_cases import is_alive, lines, process_pool, wait_until
+from tests.helpers.command_line import OF_CHILD, ROOT
+from tests.helpers.sweep_cases import is_alive, lines, process_pool
 from tests.sweep import calls
 
 threadpoolctl = pytest.importorskip("threadpoolctl")
 
-ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "runs" / "sweep.py"
 
 
@@ -64,12 +63,12 @@ def test_an_interrupted_script_ends_in_one_line(tmp_path):
     """Ctrl-C at a terminal also reaches the worker processes."""
     out, long = tmp_path / "out.jsonl", tmp_path / "long"
     command = [sys.executable, "-c", INTERRUPTED, str(out), str(long)]
-    options = {"env": os.environ | {"PYTHONPATH": str(ROOT)}, "text": True}
+    options = {"env": OF_CHILD, "text": True}
     options |= {"start_new_session": True, "stderr": subprocess.PIPE}
     # Otherwise ignored if the tests run in the background of a shell.
     options["preexec_fn"] = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(command, **options) as caller:
-        wait_until(long.exists)
+        calls.wait_until(long.exists)
         os.killpg(caller.pid, signal.SIGINT)
         _, message = caller.communicate()
     assert caller.returncode == 130
@@ -245,8 +244,8 @@ def test_sweeps_and_the_example_run_on_dask(client, tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_the_example_starts_a_separate_cluster(tmp_path):
     pytest.importorskip("dask.distributed")
-    options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
-    subprocess.run([sys.executable, EXAMPLE, "--dask"], **options, check=True)
+    command = [sys.executable, EXAMPLE, "--dask"]
+    subprocess.run(command, cwd=tmp_path, env=OF_CHILD, check=True)
 
 
 KILLED = """
@@ -283,7 +282,7 @@ def interrupted(file):
         pid = executor.submit(os.getpid).result()
         for _ in range(2):
             executor.submit(calls.takes_long, file)
-        wait_until(file.exists)
+        calls.wait_until(file.exists)
         assert is_alive(pid)
         file.write_text(str(pid))
         raise KeyboardInterrupt
@@ -299,9 +298,9 @@ def test_processes_end_at_once_when_their_block_ends_with_an_error(tmp_path):
 
 def test_processes_end_when_their_caller_is_killed():
     command = [sys.executable, "-c", KILLED]
-    options = {"env": os.environ | {"PYTHONPATH": str(ROOT)}, "text": True}
+    options = {"env": OF_CHILD, "text": True}
     with subprocess.Popen(command, stdout=subprocess.PIPE, **options) as caller:
         worker = int(caller.stdout.readline())
         assert is_alive(worker)
         caller.send_signal(signal.SIGKILL)
-    wait_until(lambda: not is_alive(worker))
+    calls.wait_until(lambda: not is_alive(worker))

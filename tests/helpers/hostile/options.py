@@ -362,10 +362,8 @@ def other_lines(draw) -> Line:
     answered = ["list"], ["--version"], ["run", scene, "--help"], ["run", scene, "-h"]
     out = ["--out", "out"]
     refused = (
-        *(["list", bad], [], [bad], ["run"], ["study"], ["run", bad, *out]),
-        *(["Run", scene, *out], ["run", *out, "--steps", "1"], ["run", scene]),
-        *(["study", bad, *out], ["study", "stability", *out, "--resume", bad]),
-        *(["run", "two_element", *out], ["run", "strip", *out, "--paper"]),
+        *(["list", bad], [], [bad], ["run"], ["run", bad, *out], ["run", scene]),
+        *(["Run", scene, *out], ["run", *out, "--steps", "1"]),
         *(["run", scene, bad, *out], ["run", scene, *out, "--help", "nothing"]),
     )
     words = draw(st.sampled_from((*answered, *refused)))

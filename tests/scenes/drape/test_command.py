@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from skfem_textile import drape
+from skfem_textile.cases.schema import Output
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.export import PartExport
 from tests.helpers import sphere
@@ -163,11 +164,11 @@ def test_what_cannot_be_exported_is_named(tmp_path):
     turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     ring = 90 * np.array([np.cos(turn), np.sin(turn), 0 * turn])
     ring[2] = np.sqrt(1e4 - 90**2) - 100
-    closed = PartExport(ball, no_curves="ball.stl: the tool is closed")
+    closed = PartExport(Output(), ball, no_curves="ball.stl: the tool is closed")
     for export, missing in (
         (closed, []),
         (
-            PartExport(ball, curves=[ring], trimmed=True, requested=True),
+            PartExport(Output(trim="ring.csv"), ball, curves=[ring]),
             ["pattern: not written: flat"],
         ),
     ):
