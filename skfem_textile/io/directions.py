@@ -7,7 +7,6 @@ second along the warp yarns (Abaqus Analysis User's Guide, "Fabric material beha
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -19,17 +18,15 @@ from ..mesh.checks import MeshError
 from ..mesh.selection import named_nodes
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import excerpt, number_of_text
-from .abaqus import (
-    WARP,
-    WEFT,
-    Block,
-    blocks,
-    deck_of,
-    name_key,
-    read_elements,
-    without_trailing_comma,
+from . import abaqus
+from .abaqus import WARP, WEFT, Block, Deck, blocks, without_trailing_comma
+from .file_numbers import (
+    errors_about,
+    from_words,
+    refuse_duplicates,
+    tag_positions,
+    write_table,
 )
-from .file_numbers import errors_about, from_words, tag_positions, write_table
 from .vtk import read_xml, write_grid
 
 _SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
@@ -75,7 +72,7 @@ def read_directions(path: str | os.PathLike[str]) -> FibreDirections:
             raise MeshError(
                 f"fibre directions can be read only from {', '.join(readers)} files"
             )
-        return readers[path.suffix.lower()](path.read_bytes())
+        return readers[path.suffix.lower()](abaqus.content_of(path))
 
 
 def _of_vtu(content: bytes) -> FibreDirections:
@@ -192,7 +189,9 @@ def write_directions(
     elif suffix == ".inp":
         normal = np.zeros_like(warp)
         normal[2] = 1.0
-        deck = deck_of(cells, nodes, warp, weft, normal, *_sets(mesh, cells, parent))
+        deck = abaqus.deck_of(
+            cells, nodes, warp, weft, normal, *_sets(mesh, cells, parent)
+        )
         path.write_text(deck, encoding="utf-8")
     else:
         raise ValueError(
@@ -235,23 +234,22 @@ class _Deck:
     """Blocks of a deck that define directions, by their names in upper case.
 
     ``sections`` are pairs of a set of elements and an orientation.  ``numbers`` are the
-    numbers of all elements, ``sets`` their members.
+    numbers of all elements of ``mesh``.
     """
 
     orientations: dict[str, Block] = field(default_factory=dict)
     distributions: dict[str, Block] = field(default_factory=dict)
     tables: dict[str, int] = field(default_factory=dict)
-    sections: list[tuple[str, str]] = field(default_factory=list)
+    sections: list[tuple[bytes, str]] = field(default_factory=list)
     numbers: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
-    sets: dict[str, ndarray] = field(default_factory=dict)
+    mesh: Deck = field(default_factory=Deck)
 
-    def members(self, name: str) -> ndarray:
-        """Indices of the elements of a set."""
-        members = _named("*ELSET", name, self.sets)
-        return np.flatnonzero(np.isin(self.numbers, members))
+    def members(self, name: bytes) -> ndarray:
+        """Mask of the elements of a set."""
+        return np.isin(self.numbers, abaqus.members_of(self.mesh, "ELSET", name))
 
 
-def _named(what: str, name: str, among: dict[str, Any]) -> Any:
+def _named(what: str, name: str, among: dict[str, Block]) -> Block:
     if name not in among:
         raise MeshError(f"{what} {excerpt(name)!r} is not defined")
     return among[name]
@@ -273,7 +271,7 @@ def directions_of_deck(content: bytes) -> tuple[ndarray, ndarray] | None:
         _store(deck, block)
     if not deck.orientations or not has_elements:
         return None
-    deck.numbers, deck.sets = read_elements(content)
+    deck.numbers, deck.mesh = abaqus.read_elements(content)
     local = np.full((2, 2, len(deck.numbers)), np.nan)
     if deck.sections:
         for elements, orientation in deck.sections:
@@ -306,7 +304,7 @@ def _store(deck: _Deck, block: Block) -> None:
     blocks = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
     if keyword in _SECTIONS:
         if orientation := parameters.get("ORIENTATION", "").upper():
-            deck.sections.append((name_key(parameters.get("ELSET", "")), orientation))
+            deck.sections.append((parameters.get("ELSET", "").encode(), orientation))
     elif keyword == "DISTRIBUTION TABLE":
         words = tuple(w.decode(errors="replace").upper() for row in data for w in row)
         deck.tables[name] = _TABLES.get(tuple(filter(None, words)), 0)
@@ -448,7 +446,7 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
         raise MeshError(
             f"the distribution requires a *DISTRIBUTION TABLE with {kinds[width]}"
         )
-    by_element: list[tuple[bytes, list[bytes]]] = []
+    by_element: list[list[bytes]] = []
     values, with_default = np.full((width, len(numbers)), np.nan), False
     for words in block.data:
         row = without_trailing_comma(words)
@@ -458,25 +456,20 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
                 f"the line {shown!r} must contain an element and {width} number(s)"
             )
         if row[0].isdigit():
-            by_element.append((row[0], row[1:]))
+            by_element.append(row)
             continue
         row_values = from_words(row[1:], "f8")[:, None]
-        if row[0] == b"":
-            if with_default:
-                raise MeshError(
-                    "two lines without an element are given: keep one of them"
-                )
-            with_default = True
-            values[:] = np.where(np.isnan(values), row_values, values)
+        if row[0]:
+            values[:, deck.members(row[0])] = row_values
+        elif with_default:
+            raise MeshError("two lines without an element are given: keep one of them")
         else:
-            chosen = deck.members(name_key(row[0].decode(errors="replace")))
-            values[:, chosen] = row_values
-    if by_element:
-        tags = from_words([tag for tag, _ in by_element], "i8")
-        flat = from_words([word for _, words in by_element for word in words], "f8")
-        if len(np.unique(tags)) < len(tags):
-            raise MeshError("two lines are given for one element: keep one of them")
-        values[:, tag_positions(numbers, tags, "element")] = flat.reshape(-1, width).T
+            with_default = True
+            values = np.where(np.isnan(values), row_values, values)
+    tags = from_words([row[0] for row in by_element], "i8")
+    refuse_duplicates(tags, "element")
+    flat = from_words([word for row in by_element for word in row[1:]], "f8")
+    values[:, tag_positions(numbers, tags, "element")] = flat.reshape(-1, width).T
     if (left := np.isnan(values).any(axis=0)).any():
         raise MeshError(f"element {numbers[left][0]} has no value")
     return values

@@ -22,7 +22,7 @@ from ..fabric.law import domain_of
 from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt, printable
 from . import radioss
-from .abaqus import Block, blocks, without_trailing_comma
+from .abaqus import Block, blocks, content_of, without_trailing_comma
 from .directions import directions_of_deck
 from .file_numbers import errors_about, from_words
 
@@ -104,7 +104,7 @@ def _read(
     force, length = _units(units)
     if thickness is not None and not (np.isfinite(thickness) and thickness > 0):
         raise MeshError(f"the thickness must be positive, got {thickness} mm")
-    content = path.read_bytes()
+    content = content_of(path)
     if suffix == ".json":
         if thickness is not None or material is not None:
             raise MeshError(

@@ -95,7 +95,7 @@ def read_raw(path: Path) -> tuple[meshio.Mesh, list[str]]:
     """Content of a file, and names of its ignored parts."""
     refuse_no_file(path)
     if read := _READERS.get(path.suffix.lower()):
-        return read(path.read_bytes())
+        return read(abaqus.content_of(path))
     return _read_with_meshio(path)
 
 

@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,13 +24,17 @@ from .abaqus import (
     axes_lines,
     blocks,
     distribution_lines,
+    find_include,
     in_space,
     members_of,
     motion,
+    name_of,
     read_block,
+    refuse_parameters,
     set_lines,
+    set_members,
 )
-from .deck_text import DeckText, Include
+from .deck_text import DeckCopy, DeckText
 from .file_numbers import errors_about, real_word
 from .layups import LAYERS, WARP, Element, Layup
 
@@ -80,11 +85,6 @@ class _Part:
     end: int | None = None
 
 
-def _include(lines: list[bytes], line: int) -> Include | None:
-    found = re.match(rb"\s*\*include\s*,\s*input\s*=\s*\"?([^\",]+)", lines[line], re.I)
-    return Include({0: found[1]}) if found else None
-
-
 class AbaqusDeck:
     """Nodes, shells and sections of an Abaqus deck.
 
@@ -107,7 +107,7 @@ class AbaqusDeck:
     """
 
     def __init__(self, path: Path) -> None:
-        self.text = DeckText.read(path, _include, b"**")
+        self.text = DeckText(path, find_include)
         self.positions: dict[tuple[str, int], ndarray] = {}
         self.elements: list[Element] = []
         self.sets: dict[str, list[tuple[str, int]]] = {}
@@ -145,7 +145,7 @@ class AbaqusDeck:
                     flat.end = lines[0] if flat.end is None else flat.end
                     break
                 if keyword == "PART":
-                    scope = self._part(_name(parameters, "NAME"))
+                    scope = self._part(name_of(parameters, "NAME"))
                 elif keyword == "END PART":
                     scope.end, scope = lines[0], flat
                 elif keyword in ("ASSEMBLY", "END ASSEMBLY"):
@@ -168,7 +168,7 @@ class AbaqusDeck:
 
         A mesh made in the assembly is in the instance, and its part is empty.
         """
-        part, name = _name(parameters, "PART"), _name(parameters, "NAME")
+        part, name = name_of(parameters, "PART"), name_of(parameters, "NAME")
         if part not in self._parts:
             raise MeshError(f"the part {excerpt(part)!r} is not defined")
         known = self._parts[part]
@@ -206,19 +206,19 @@ class AbaqusDeck:
         points = in_space(deck.points) @ instance.turn.T + instance.shift
         keys = [(scope, n) for n in deck.tags.tolist()]
         if len(set(keys)) < len(keys):
-            raise MeshError(f"a node number is used twice{_in(scope)}")
+            where = f" in the instance {excerpt(scope)}" if scope else ""
+            raise MeshError(f"a node number is used twice{where}")
         self.positions |= dict(zip(keys, points, strict=True))
+        sets = [(x, n) for (keyword, x), n in deck.sets.items() if keyword == "ELSET"]
         for kind, numbers, nodes, name in deck.blocks:
             if kind in _SHELLS:
                 rows = numbers.tolist(), nodes.tolist()
                 self.elements += self._elements(kind, *rows, scope)
             if name is not None:
-                members = [(scope, n) for n in numbers.tolist()]
-                self.sets.setdefault(_dotted(scope, name), []).extend(members)
-        for (keyword, name), numbers in deck.sets.items():
-            if keyword == "ELSET":
-                members = [(scope, n) for n in numbers.tolist()]
-                self.sets.setdefault(_dotted(scope, name), []).extend(members)
+                sets.append((name, numbers))
+        for name, numbers in sets:
+            of_name = self.sets.setdefault(f"{scope}.{name}" if scope else name, [])
+            of_name.extend((scope, n) for n in numbers.tolist())
 
     def _elements(
         self, kind: str, numbers: list[int], rows: list[list[int]], scope: str
@@ -244,23 +244,16 @@ class AbaqusDeck:
 
     def _add_own_set(self, block: Block) -> None:
         """Add a set of the assembly with members in one instance."""
-        keyword, name = block.keyword, block.parameters.get(block.keyword, "")
-        scope = _name(block.parameters, "INSTANCE")
+        scope = name_of(block.parameters, "INSTANCE")
         every = [(p, i) for p in self._parts.values() for i in p.instances]
         decks = [part.deck for part, instance in every if instance.name == scope]
         if not scope or not decks:
             return
-        pairs = {k: x for k, x in block.parameters.items() if k != "INSTANCE"}
-        deck = replace(
-            decks[0],
-            sets=dict(decks[0].sets),
-            spelled=dict(decks[0].spelled),
-            instance=scope,
-        )
-        read_block(deck, Block(keyword, {**pairs, keyword: "OWN"}, *block[2:]))
-        members = [(scope, n) for n in deck.sets[keyword, "OWN"].tolist()]
-        found = self.sets if keyword == "ELSET" else self.node_sets
-        found.setdefault(name, []).extend(members)
+        refuse_parameters(block)
+        numbers = set_members(replace(decks[0], instance=scope), block)
+        found = self.sets if block.keyword == "ELSET" else self.node_sets
+        members = found.setdefault(block.parameters.get(block.keyword, ""), [])
+        members.extend((scope, n) for n in numbers.tolist())
 
     def only(self) -> tuple["_Part", "_Instance"]:
         """The part and the instance of a deck with one of each.
@@ -285,8 +278,9 @@ class AbaqusDeck:
 
         Tables of distributions are outside of parts, as Abaqus demands.
         """
-        text, remarks = self.text.unchanged(), list[str]()
-        self._taken = set(self._names)
+        copy, remarks = DeckCopy(self.text), list[str]()
+        sets = {name.rpartition(".")[2].upper() for name in self.sets}
+        self._taken = self._names | sets
         stem = self.text.files[0].path.stem
         tables = {
             kind: self._free(f"FIBRE_{kind.partition('3')[0]}S") for kind in _TABLES
@@ -301,13 +295,13 @@ class AbaqusDeck:
             name = _file(stem, part.name)
             lines = files.setdefault(name, [])
             lines += self._include_lines(part, plies, layup, tables)
-            text.insert(part.end, [f"*INCLUDE, INPUT={name}".encode()])
+            copy.insert(part.end, [f"*INCLUDE, INPUT={name}"])
             for group in self.groups(part, set(plies), layup.material):
-                remarks += group.comment_out(text)
+                remarks += group.comment_out(copy)
         if len(files) > 1:
             first = next(x.lines[0] for x in self.blocks if x.keyword == "PART")
-            text.insert(first, [f"*INCLUDE, INPUT={_file(stem, '')}".encode()])
-        return text.write(folder, files), remarks
+            copy.insert(first, [f"*INCLUDE, INPUT={_file(stem, '')}"])
+        return copy.write(folder, files), remarks
 
     def _plies(self, part: _Part, layup: Layup) -> dict[int, int]:
         """Index of each covered element by its number, ascending.
@@ -395,11 +389,8 @@ class AbaqusDeck:
 
     def _free(self, name: str) -> str:
         """Name that neither the deck nor an include file uses."""
-        sets = {x.rpartition(".")[2].upper() for x in self.sets}
-        for number in range(1, 10**6):
-            free = name if number == 1 else f"{name}_{number}"
-            if free.upper() not in self._taken | sets:
-                break
+        names = (name if n == 1 else f"{name}_{n}" for n in count(1))
+        free = next(x for x in names if x.upper() not in self._taken)
         self._taken.add(free.upper())
         return free
 
@@ -429,12 +420,12 @@ class Group(NamedTuple):
         yield from set_lines("ELSET", pairs["ELSET"], self.rest)
         yield ", ".join([f"*{section.keyword}", *words])
         for row in section.data:
-            yield ", ".join(word.decode("latin-1") for word in row)
+            yield ", ".join(word.decode("utf-8", "surrogateescape") for word in row)
 
-    def comment_out(self, text: DeckText) -> Iterator[str]:
+    def comment_out(self, copy: DeckCopy) -> Iterator[str]:
         """Comment out the section; yields a remark."""
         if self.section is not None:
-            text.comment_out(self.section.lines, b"**")
+            copy.comment_out(self.section.lines, "**")
             name = excerpt(self.section.parameters.get("ELSET", ""))
             whose = f"; layers have its material {self.material}" * self.own
             yield (
@@ -460,22 +451,9 @@ def _file(stem: str, part: str) -> str:
     return re.sub(r"[^\w-]", "_", name) + ".inp"
 
 
-def _name(parameters: dict[str, str], key: str) -> str:
-    return parameters.get(key, "").strip('"').upper()
-
-
 def type_of(block: Block) -> str:
     """Type of elements or constants in upper case."""
     return block.parameters.get("TYPE", "").upper()
-
-
-def _dotted(scope: str, name: str) -> str:
-    """Name of a set of an instance."""
-    return f"{scope}.{name}" if scope else name
-
-
-def _in(scope: str) -> str:
-    return f" in the instance {excerpt(scope)}" if scope else ""
 
 
 def first_words(data: list[list[bytes]]) -> Iterator[int]:
@@ -489,8 +467,9 @@ def first_words(data: list[list[bytes]]) -> Iterator[int]:
 
 def _material(section: Block) -> str:
     """Material of a section, or of its first layer."""
-    layers = [row[2].decode("latin-1") for row in section.data if len(row) > 2]
-    own = section.parameters.get("MATERIAL") or (layers or [""])[0]
+    layers = [row[2] for row in section.data if len(row) > 2]
+    of_layer = b"".join(layers[:1]).decode("utf-8", "surrogateescape")
+    own = section.parameters.get("MATERIAL") or of_layer
     if not own:
         raise MeshError("the section has no material: specify the material")
     return own

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -20,7 +20,7 @@ from numpy import ndarray
 from ..mesh.checks import MeshError, refuse_positions
 from ..mesh.user_input import excerpt
 from ..surfaces.tool_mesh import unit
-from .deck_text import DeckText, Include
+from .deck_text import DeckCopy, DeckText, Include
 from .file_numbers import errors_about, from_words, real_word
 from .layups import LAYERS, WARP, WEFT, Element, Layup
 from .radioss import COLUMN, Option, options
@@ -46,10 +46,8 @@ class CardDeck:
         Numbers of other elements by type.
     """
 
-    COMMENT: ClassVar[bytes] = b"$"
-
     def __init__(self, path: Path) -> None:
-        self.text = DeckText.read(path, self._include, self.COMMENT)
+        self.text = DeckText(path, self._include)
         self.positions: dict[tuple[str, int], ndarray] = {}
         self.elements: list[Element] = []
         self.left = Counter[str]()
@@ -64,7 +62,7 @@ class CardDeck:
         return found
 
     @staticmethod
-    def _include(lines: list[bytes], line: int) -> Include | None:
+    def _include(lines: list[str], line: int) -> Include | None:
         raise NotImplementedError
 
     def _read(self) -> None:
@@ -136,9 +134,9 @@ class NastranDeck(CardDeck):
         super().__init__(path)
 
     @staticmethod
-    def _include(lines: list[bytes], line: int) -> Include | None:
-        found = re.match(rb"\s*include\s*[=\s]?\s*['\"]?([^'\"]+)", lines[line], re.I)
-        return Include({0: found[1].rstrip()}) if found else None
+    def _include(lines: list[str], line: int) -> Include | None:
+        found = re.match(r"\s*include\s*[=\s]?\s*['\"]?([^'\"]+)", lines[line], re.I)
+        return Include({0: found[1].rstrip()}, ["$"]) if found else None
 
     def _read(self) -> None:
         grids, usual = list[list[str]](), ""
@@ -169,7 +167,7 @@ class NastranDeck(CardDeck):
 
     def _cards(self) -> Iterator[tuple[str, list[str], tuple[int, int]]]:
         """Name, fields after it, and the lines of each card of the bulk data."""
-        lines = [line.decode("latin-1") for line in self.text.lines]
+        lines = self.text.lines
         begin = [i for i, x in enumerate(lines) if re.match(r"\s*BEGIN\b", x, re.I)]
         card: tuple[str, list[str], int] | None = None
         end = 0
@@ -192,7 +190,7 @@ class NastranDeck(CardDeck):
 
     def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy with the angle of the warp and the thickness in its elements."""
-        text, (angles, remarks) = self.text.unchanged(), self._angles(layup)
+        copy, (angles, remarks) = DeckCopy(self.text), self._angles(layup)
         for i in layup.indices():
             element = layup.elements[i]
             words, card = list(self._fields[element.lines]), _CARDS[element.kind]
@@ -200,9 +198,9 @@ class NastranDeck(CardDeck):
             for k in range(card.n_corners):
                 words[_T1 + k] = real_word(layup.thickness[i], _LARGE)
             first, end = element.lines
-            text.comment_out(list(range(first, end)), b"$")
-            text.insert(first, _large_card(element.kind, words))
-        return text.write(folder, {}), remarks
+            copy.comment_out(list(range(first, end)), "$")
+            copy.insert(first, _large_card(element.kind, words))
+        return copy.write(folder, {}), remarks
 
     def _side(self, element: Element) -> ndarray:
         if element.kind != "CQUAD8":
@@ -263,25 +261,25 @@ def _padded(fields: list[str]) -> list[str]:
 
 
 def _integer(word: str) -> int:
-    return int(from_words([word.encode("latin-1") or b"0"], "i8")[0])
+    return int(from_words([word.encode("utf-8", "surrogateescape") or b"0"], "i8")[0])
 
 
 def _real(word: str) -> float:
     """Number with an exponent that may have no letter, such as 1.5-3."""
     text = re.sub(r"(?<=[\d.])([+-])", r"e\1", word.upper().replace("D", "E"))
-    x = float(from_words([text.encode("latin-1") or b"0"], "f8")[0])
+    x = float(from_words([text.encode("utf-8", "surrogateescape") or b"0"], "f8")[0])
     if not np.isfinite(x):
         raise MeshError(f"{excerpt(word)!r} is not finite")
     return x
 
 
-def _large_card(name: str, fields: list[str]) -> list[bytes]:
+def _large_card(name: str, fields: list[str]) -> list[str]:
     while not fields[-1]:
         fields = fields[:-1]
     rows = [fields[k : k + _IN_LINE] for k in range(0, len(fields), _IN_LINE)]
     heads = [f"{name}*", *["*"] * (len(rows) - 1)]
     return [
-        (head.ljust(_WIDTH) + "".join(word.rjust(_LARGE) for word in row)).encode()
+        head.ljust(_WIDTH) + "".join(word.rjust(_LARGE) for word in row)
         for head, row in zip(heads, rows, strict=True)
     ]
 
@@ -324,8 +322,8 @@ class DynaDeck(CardDeck):
         super().__init__(path)
 
     @staticmethod
-    def _include(lines: list[bytes], line: int) -> Include | None:
-        found = re.match(rb"\*INCLUDE(_\w+)?\s*$", lines[line], re.I)
+    def _include(lines: list[str], line: int) -> Include | None:
+        found = re.match(r"\*INCLUDE(_\w+)?\s*$", lines[line], re.I)
         if found is None:
             return None
         if found[1]:
@@ -333,16 +331,16 @@ class DynaDeck(CardDeck):
                 f"{excerpt(lines[line])} is not supported: use *INCLUDE alone"
             )
         names, n = {}, 1
-        while line + n < len(lines) and not lines[line + n].startswith(b"*"):
-            if lines[line + n].strip() and not lines[line + n].startswith(b"$"):
+        while line + n < len(lines) and not lines[line + n].startswith("*"):
+            if lines[line + n].strip() and not lines[line + n].startswith("$"):
                 names[n] = lines[line + n].strip()
             n += 1
         if not names:
             raise MeshError("*INCLUDE: the name of the file is missing")
-        return Include(names, n)
+        return Include(names, ["$"] * n)
 
     def _read(self) -> None:
-        lines = [line.decode("latin-1") for line in self.text.lines]
+        lines = self.text.lines
         kept = [i for i, x in enumerate(lines) if x.strip() and not x.startswith("$")]
         starts = [k for k, i in enumerate(kept) if lines[i].startswith("*")]
         if starts[:1] != [0]:
@@ -396,7 +394,7 @@ class DynaDeck(CardDeck):
 
     def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy whose shells have the angle of the warp and the thickness."""
-        text, (angles, remarks) = self.text.unchanged(), self._angles(layup)
+        copy, (angles, remarks) = DeckCopy(self.text), self._angles(layup)
         current: dict[int, str] = {}
         covered = layup.covered.tolist()
         for i in sorted(range(len(covered)), key=lambda i: layup.elements[i].lines):
@@ -406,19 +404,19 @@ class DynaDeck(CardDeck):
             if covered[i]:
                 wanted = card.with_angle()
                 for at in card.of_thickness():
-                    text.replace(at, [])
+                    copy.replace(at, [])
                 thick, beta = (
                     real_word(x, card.width - 1).rjust(card.width)
                     for x in (layup.thickness[i], angles[i])
                 )
                 cards = [4 * thick + beta, *[4 * thick] * any(element.nodes[-4:])]
-                text.replace(first, [text.lines[first], *map(str.encode, cards)])
+                copy.replace(first, [self.text.lines[first], *cards])
             if card.head not in current and wanted != card.line:
-                text.replace(card.head, [wanted.encode("latin-1")])
+                copy.replace(card.head, [wanted])
             elif current.get(card.head, wanted) != wanted:
-                text.insert(first, [wanted.encode("latin-1")])
+                copy.insert(first, [wanted])
             current[card.head] = wanted
-        return text.write(folder, {}), remarks
+        return copy.write(folder, {}), remarks
 
     def _side(self, element: Element) -> ndarray:
         if not self._invariant:
@@ -464,12 +462,10 @@ _POINTS, _PROJECTED = 3, 2
 class RadiossDeck(CardDeck):
     """Nodes and shells of an OpenRadioss starter deck."""
 
-    COMMENT: ClassVar[bytes] = b"#"
-
     @staticmethod
-    def _include(lines: list[bytes], line: int) -> Include | None:
-        found = re.match(rb"#include\s+(\S.*)", lines[line])
-        return Include({0: found[1].rstrip()}) if found else None
+    def _include(lines: list[str], line: int) -> Include | None:
+        found = re.match(r"#include\s+(\S.*)", lines[line])
+        return Include({0: found[1].rstrip()}, ["#"]) if found else None
 
     def _read(self) -> None:
         self._options = options(self.text.content)
@@ -496,10 +492,10 @@ class RadiossDeck(CardDeck):
 
     def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy with a file of plies, whose angles are in ``/DRAPE``."""
-        text, remarks, numbers = self.text.unchanged(), list[str](), self._numbers()
+        copy, remarks, numbers = DeckCopy(self.text), list[str](), self._numbers()
         name = f"{self.text.files[0].path.stem}_fibres.inc"
         ends = [o.lines[0] for o in self._options if o.name[0].upper() == "END"]
-        text.insert(ends[0] if ends else None, [f"#include {name}".encode()])
+        copy.insert(ends[0] if ends else None, [f"#include {name}"])
         groups, properties = self._groups(layup)
         axis = _axis(layup)
         angles = layup.angles_deg(np.tile(axis[:, None], len(layup.elements)))
@@ -508,7 +504,7 @@ class RadiossDeck(CardDeck):
             plies += _write_plies(group, layup, angles, numbers, lines)
         for number in properties:
             option = self._property(number)
-            text.comment_out(option.lines, b"#")
+            copy.comment_out(option.lines, "#")
             remarks.append(f"{_named(option)} is commented out for the plies")
             lines += [f"/PROP/PCOMPP/{number}", "FIBRES"]
         shell = _first_card(self._property(properties[0]))[: 4 * COLUMN]
@@ -516,7 +512,7 @@ class RadiossDeck(CardDeck):
         lines.append("".join(map(_word20, axis.tolist())) + 3 * f"{0:>10}")
         for ply in plies:
             lines += [f"{ply:>10}{0:>20}{0:>20}", ""]
-        return text.write(folder, {name: lines}), remarks
+        return copy.write(folder, {name: lines}), remarks
 
     def _groups(self, layup: Layup) -> tuple[list["_Group"], list[str]]:
         """Elements with the same layers, and the properties with fibres."""

@@ -120,7 +120,7 @@ def read(
 def options(content: bytes) -> list[Option]:
     """All keywords, each with its cards."""
     found: list[Option] = []
-    text = content.decode("utf-8", "replace")
+    text = content.decode("utf-8-sig", "replace")
     for number, line in enumerate(re.split(r"\r\n|\n|\r", text)):
         if line.startswith("/"):
             parts = [part.strip() for part in line[1:].split("/")]

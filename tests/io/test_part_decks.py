@@ -351,13 +351,13 @@ def test_the_layers_of_a_ply_bend_and_stretch_as_a_homogeneous_sheet():
 
 XY = [(0, 0), (10, 0), (10, 10), (0, 10), (20, 0), (20, 10)]
 NODES = ["*Node", *(f"{i}, {x}., {y}., 0." for i, (x, y) in enumerate(XY, 1))]
-QUADS = ["*Element, type=S4R, elset=Skin", "11, 1, 2, 3, 4", "7, 2, 5, 6, 3"]
-SECTION = ["*Shell Section, elset=Skin, material=CFRP, offset=SPOS", "0.9"]
+QUADS = ["*Element, type=S4R, elset=Häut", "11, 1, 2, 3, 4", "7, 2, 5, 6, 3"]
+SECTION = ["*Shell Section, elset=Häut, material=CFRP, offset=SPOS", "0.9"]
 
 
 def written_deck(folder, *lines, name="a.inp"):
     path = folder / name
-    path.write_text("\n".join([*lines, ""]))
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
     return path
 
 
@@ -375,7 +375,7 @@ def test_elements_without_fibres_keep_their_section(tmp_path, caplog):
     path = written_deck(tmp_path, *NODES, *QUADS, *SECTION, "*Step", "*Static")
     read = read_part_deck(path)
     assert read.labels.tolist() == [11, 7]
-    assert read.sets["Skin"].tolist() == [0, 1]
+    assert read.sets["Häut"].tolist() == [0, 1]
     fibres = straight(read.mesh, [False, True])
     files = write_part_deck(tmp_path / "out", read, fibres, 0.4)
     assert [file.name for file in files] == ["a.inp", "a_fibres.inp", "a_fibres.vtu"]
@@ -390,15 +390,15 @@ def test_elements_without_fibres_keep_their_section(tmp_path, caplog):
     caplog.clear()
     write_part_deck(tmp_path / "out", read, fibres, 0.4)
     assert lines[lines.index("*ELSET, ELSET=NOT_COVERED") + 1] == "11"
-    at = lines.index("*ELSET, ELSET=NOT_COVERED_Skin")
+    at = lines.index("*ELSET, ELSET=NOT_COVERED_Häut")
     assert lines[at : at + 4] == [
-        *("*ELSET, ELSET=NOT_COVERED_Skin", "11"),
-        *("*SHELL SECTION, ELSET=NOT_COVERED_Skin, MATERIAL=CFRP, OFFSET=SPOS", "0.9"),
+        *("*ELSET, ELSET=NOT_COVERED_Häut", "11"),
+        *("*SHELL SECTION, ELSET=NOT_COVERED_Häut, MATERIAL=CFRP, OFFSET=SPOS", "0.9"),
     ]
     section = next(line for line in lines if "COMPOSITE" in line)
     assert section.endswith("ELSET=FIBRES, ORIENTATION=FIBRE, OFFSET=SPOS")
     assert caplog.messages == [
-        f"{path}: *SHELL SECTION of Skin is commented out for 1 element(s) with "
+        f"{path}: *SHELL SECTION of Häut is commented out for 1 element(s) with "
         "fibres; layers have its material CFRP",
         f"{path}: the ply does not cover element(s) 11",
     ]
@@ -455,16 +455,36 @@ def test_continuum_shells_are_read_by_their_middle_and_degenerate_ones_as_triang
     assert float(second[0]) == pytest.approx(LAYERS[0][1])  # relative
 
 
-def test_files_outside_of_the_folder_are_copied_next_to_the_deck(tmp_path):
-    home = tmp_path / "home"
+@pytest.mark.parametrize(
+    ("form", "before", "include", "mark"),
+    [
+        ("inp", [], ["*Include, input={}"], ""),
+        ("inp", [], ['*NODE, nset=all, INPUT="{}"'], ""),
+        ("inp", ["\ufeff*Heading"], ["*Include, input={}"], "\ufeff"),
+        ("k", ["\ufeff*KEYWORD"], ["*INCLUDE", "{}"], "\ufeff*NODE\n"),
+    ],
+)
+@pytest.mark.parametrize("name", ["nodes.inc", "nœuds_ü.inc"])
+def test_files_outside_of_the_folder_are_copied_next_to_the_deck(
+    tmp_path, form, before, include, mark, name
+):
+    """With the data lines of a keyword too, byte order marks, and names in UTF-8."""
+    home, out = tmp_path / "home", tmp_path / "out"
     home.mkdir()
-    (tmp_path / "nodes.inc").write_text("\n".join([*NODES, ""]))
-    path = written_deck(home, "*Include, input=../nodes.inc", *QUADS)
+    with_data_lines = "INPUT" in include[0]
+    nodes = NODES[1:] if with_data_lines or form == "k" else NODES
+    written_deck(tmp_path, *[mark + nodes[0], *nodes[1:]], name=name)
+    shells = QUADS if form == "inp" else ["*ELEMENT_SHELL", "11,1,1,2,3,4", "*END"]
+    lines = [x.format(f"../{name}") for x in include]
+    path = written_deck(home, *before, *lines, *shells, name=f"a.{form}")
     read = read_part_deck(path)
-    out = tmp_path / "out"
-    files = write_part_deck(out, read, straight(read.mesh), 0.4, "M")
-    assert files[0].read_text().startswith("*Include, input=nodes.inc\n")
-    assert (out / "nodes.inc").read_text() == (tmp_path / "nodes.inc").read_text()
+    given = "M" if form == "inp" else None
+    files = write_part_deck(out, read, straight(read.mesh), 0.4, given)
+    head = "\n".join([*before, *(x.format(name) for x in include), ""])
+    assert files[0].read_text(encoding="utf-8").startswith(head)
+    assert (out / name).read_bytes() == (tmp_path / name).read_bytes()
+    again = read_part_deck(files[0])
+    np.testing.assert_array_equal(again.mesh.points, read.mesh.points)
 
 
 # Other decks
