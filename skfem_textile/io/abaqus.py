@@ -24,6 +24,7 @@ from .file_numbers import (
     refuse_duplicates,
     tag_positions,
 )
+from .vtk import in_space
 
 # A comma outside of quotation marks.
 _COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')
@@ -356,11 +357,6 @@ def _place(deck: Deck, data: list[list[bytes]]) -> None:
         deck.rotated = not np.array_equal(turn, np.eye(3))
 
 
-def in_space(points: ndarray) -> ndarray:
-    """Points of shape (n, 2) or (n, 3) with three coordinates."""
-    return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
-
-
 def motion(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
     """Rotation matrix and translation of an instance, which is translated first.
 
@@ -405,13 +401,12 @@ def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
 
 def _cell(cells: Mapping[str, tuple[str, int]], element: str) -> tuple[str, int]:
     """Cell of an element, and its number of nodes."""
-    try:
-        return cells[element.upper()]
-    except KeyError:
+    if element.upper() not in cells:
         raise MeshError(
             "only triangles and four-node quadrilaterals, such as CPS3 and CPS4, are "
             f"supported, found {excerpt(element) or 'no TYPE'}"
-        ) from None
+        )
+    return cells[element.upper()]
 
 
 def _elements(data: list[list[bytes]], width: int) -> ndarray:

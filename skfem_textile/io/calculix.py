@@ -95,12 +95,13 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
             copy.comment_out(block.lines, "**")
             copy.insert(block.lines[0], new)
     own = {
-        name: members for (k, name), members in part.deck.sets.items() if k == "NSET"
+        name: set(members.tolist())
+        for (keyword, name), members in part.deck.sets.items()
+        if keyword == "NSET"
     }
-    for name, pairs in deck.node_sets.items():
-        own[name] = np.array([n for _, n in pairs])
+    own |= {name: {n for _, n in pairs} for name, pairs in deck.node_sets.items()}
     for name, members in own.items():
-        lines += set_lines("NSET", name, nodes.within(set(members.tolist())))
+        lines += set_lines("NSET", name, nodes.within(members))
     lines += _FILLING_LINES
     for k, group in enumerate(deck.groups(part, set(plies), layup.material)):
         lines += _classes(group, plies, layup, f"CLASS_{k}")

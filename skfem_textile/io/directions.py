@@ -21,13 +21,14 @@ from ..mesh.user_input import excerpt, number_of_text
 from . import abaqus
 from .abaqus import WARP, WEFT, Block, Deck, blocks, without_trailing_comma
 from .file_numbers import (
+    by_suffix,
     errors_about,
     from_words,
     refuse_duplicates,
     tag_positions,
     write_table,
 )
-from .vtk import read_xml, write_grid
+from .vtk import in_space, read_xml, write_grid
 
 _SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
 
@@ -68,11 +69,8 @@ def read_directions(path: str | os.PathLike[str]) -> FibreDirections:
     path = Path(path)
     readers = {".vtu": _of_vtu, ".csv": _of_csv, ".inp": _of_deck}
     with errors_about(path):
-        if path.suffix.lower() not in readers:
-            raise MeshError(
-                f"fibre directions can be read only from {', '.join(readers)} files"
-            )
-        return readers[path.suffix.lower()](abaqus.content_of(path))
+        read = by_suffix(path, readers, "fibre directions can be read only from")
+        return read(abaqus.content_of(path))
 
 
 def _of_vtu(content: bytes) -> FibreDirections:
@@ -86,13 +84,13 @@ def _of_vtu(content: bytes) -> FibreDirections:
     def of_elements(name: str) -> ndarray:
         return np.concatenate([mesh.cell_data[name][i] for i in plane])
 
-    if set(_VECTORS) <= set(mesh.cell_data):
+    if set(mesh.cell_data) >= set(_VECTORS):
         vectors = [of_elements(name) for name in _VECTORS]
         for name, v in zip(_VECTORS, vectors, strict=True):
             if not np.all(np.abs(v[:, 2]) <= _IN_PLANE * np.abs(v[:, :2]).max(axis=1)):
                 raise MeshError(f"{name} must lie in the plane of the mesh")
         return FibreDirections(*(v[:, :2].T for v in vectors))
-    if set(_ANGLES) <= set(mesh.cell_data):
+    if set(mesh.cell_data) >= set(_ANGLES):
         return FibreDirections.of_angles(*(of_elements(n).ravel() for n in _ANGLES))
     raise MeshError(
         f"the file must contain the cell data {' and '.join(_VECTORS)}, or "
@@ -175,7 +173,9 @@ def write_directions(
     path, points = Path(path), mesh.p if points is None else points
     cells, parent = original_elements(mesh)
     directions.refuse_other(cells)
-    warp, weft, nodes = map(_in_space, (directions.warp, directions.weft, points))
+    warp, weft, nodes = (
+        in_space(x.T).T for x in (directions.warp, directions.weft, points)
+    )
     suffix = path.suffix.lower()
     if suffix == ".vtu":
         fields = dict(zip(_VECTORS, (warp.T, weft.T), strict=True))
@@ -204,26 +204,25 @@ def _sets(
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Nodes of boundaries and named nodes, and the elements of subdomains."""
     n_nodes = 1 + max(cell.max() for cell in cells)
-    sides = {
+    nodes = {
         name: mesh.facets[:, np.asarray(edges)].ravel()
         for name, edges in (mesh.boundaries or {}).items()
     }
-    nodes = {
-        name: np.unique(np.concatenate([sides.get(name, []), single.get(name, [])]))
-        for single in [named_nodes(mesh)]
-        for name in {**sides, **single}
-    }
+    for name, members in named_nodes(mesh).items():
+        nodes[name] = np.concatenate([nodes.get(name, members[:0]), members])
     parts = {
         name: np.unique(parent[np.asarray(members)])
         for name, members in (mesh.subdomains or {}).items()
     }
-    return {name: at[at < n_nodes].astype(int) for name, at in nodes.items()}, parts
+    return {name: np.unique(at[at < n_nodes]) for name, at in nodes.items()}, parts
 
 
-def _in_space(x: ndarray) -> ndarray:
-    """Columns of vectors in the plane, as vectors in space."""
-    return np.pad(x, ((0, 1), (0, 0)))
-
+# Parameters of an orientation besides its name, with their only supported values.
+_PARAMETERS = {
+    "SYSTEM": "RECTANGULAR",
+    "DEFINITION": "COORDINATES",
+    "LOCAL DIRECTIONS": "2",
+}
 
 # Supported tables of distributions, with the number of values per element.
 _TABLES = {("COORD3D", "COORD3D"): 6, ("ANGLE",): 1}
@@ -323,15 +322,11 @@ def _local(deck: _Deck, block: Block) -> ndarray:
 def _local_directions(
     deck: _Deck, parameters: dict[str, str], data: list[list[bytes]]
 ) -> ndarray:
-    for key, known in (
-        ("SYSTEM", ("RECTANGULAR",)),
-        ("DEFINITION", ("COORDINATES",)),
-        ("LOCAL DIRECTIONS", ("2",)),
-    ):
-        given = " ".join(parameters.get(key, known[0]).upper().split())
-        if given not in known:
-            raise MeshError(f"{key}={excerpt(given)} is not supported: use {known[0]}")
-    if other := set(parameters) - {"NAME", "SYSTEM", "DEFINITION", "LOCAL DIRECTIONS"}:
+    for key, known in _PARAMETERS.items():
+        given = " ".join(parameters.get(key, known).upper().split())
+        if given != known:
+            raise MeshError(f"{key}={excerpt(given)} is not supported: use {known}")
+    if other := set(parameters) - {"NAME", *_PARAMETERS}:
         raise MeshError(
             f"the parameter {excerpt(min(other))!r} is not supported: remove it"
         )

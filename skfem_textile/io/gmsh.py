@@ -72,12 +72,9 @@ def _count_22(numbers: Numbers) -> int:
 def cells_22(numbers: Numbers) -> list[CellBlock]:
     """Cells by type, each a member of a group."""
     count = _count_22(numbers)
-    if isinstance(numbers, BinaryNumbers):
-        rows = _binary_rows(numbers, count)
-    else:
-        rows = _text_rows(numbers, count)
     by_kind: dict[int, list[Any]] = {}
-    for kind, values in rows:
+    rows: Any = _binary_rows if isinstance(numbers, BinaryNumbers) else _text_rows
+    for kind, values in rows(numbers, count):
         by_kind.setdefault(kind, []).append(values)
     blocks = []
     for kind, parts in by_kind.items():
@@ -101,10 +98,8 @@ def _text_rows(numbers: TextNumbers, count: int) -> Iterator[tuple[int, Any]]:
                 f"{count} elements are declared, but the section ends before the last "
                 "one"
             )
-        yield (
-            kind,
-            [number, words[first - n_tags] if n_tags else 0, *words[first:position]],
-        )
+        group = words[first - n_tags] if n_tags else 0
+        yield kind, [number, group, *words[first:position]]
     if position < len(words):
         raise MeshError(
             f"it contains {len(words) - position} more words than its counts declare"

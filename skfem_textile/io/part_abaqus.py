@@ -25,7 +25,6 @@ from .abaqus import (
     blocks,
     distribution_lines,
     find_include,
-    in_space,
     members_of,
     motion,
     name_of,
@@ -37,6 +36,7 @@ from .abaqus import (
 from .deck_text import DeckCopy, DeckText
 from .file_numbers import errors_about, real_word
 from .layups import LAYERS, WARP, Element, Layup
+from .vtk import in_space
 
 # Types by number of corners and of nodes.  Continuum shells have two faces.
 _TYPES = {
@@ -121,9 +121,8 @@ class AbaqusDeck:
         self._taken: set[str] = set()
         self.blocks = list(blocks(self.text.content))
         self._read()
-        for part in self._parts.values():
-            for instance in part.instances:
-                self._place(part, instance)
+        for part, instance in self._instances():
+            self._place(part, instance)
         for block in self._own:
             with errors_about(block):
                 self._add_own_set(block)
@@ -132,6 +131,9 @@ class AbaqusDeck:
         deck = Deck(cells=_SHELLS, n_lines=len(self.text.lines))
         self._parts[name] = _Part(name, deck)
         return self._parts[name]
+
+    def _instances(self) -> list[tuple[_Part, _Instance]]:
+        return [(p, i) for p in self._parts.values() for i in p.instances]
 
     def _read(self) -> None:
         flat = scope = self.flat
@@ -245,8 +247,7 @@ class AbaqusDeck:
     def _add_own_set(self, block: Block) -> None:
         """Add a set of the assembly with members in one instance."""
         scope = name_of(block.parameters, "INSTANCE")
-        every = [(p, i) for p in self._parts.values() for i in p.instances]
-        decks = [part.deck for part, instance in every if instance.name == scope]
+        decks = [part.deck for part, i in self._instances() if i.name == scope]
         if not scope or not decks:
             return
         refuse_parameters(block)
@@ -255,7 +256,7 @@ class AbaqusDeck:
         members = found.setdefault(block.parameters.get(block.keyword, ""), [])
         members.extend((scope, n) for n in numbers.tolist())
 
-    def only(self) -> tuple["_Part", "_Instance"]:
+    def only(self) -> tuple[_Part, _Instance]:
         """The part and the instance of a deck with one of each.
 
         Raises
@@ -263,13 +264,12 @@ class AbaqusDeck:
         MeshError
             If there are several, or nodes of the assembly.
         """
-        every = [(p, i) for p in self._parts.values() for i in p.instances]
-        with_nodes = [one for one in every if one[0].deck.tags is not None]
-        if len(with_nodes) != 1 or self._has_own_nodes:
+        known = [(p, i) for p, i in self._instances() if p.deck.tags is not None]
+        if len(known) != 1 or self._has_own_nodes:
             raise MeshError(
                 "CalculiX reads decks with one instance, and no nodes of the assembly"
             )
-        return with_nodes[0]
+        return known[0]
 
     # Layups
 
@@ -335,10 +335,8 @@ class AbaqusDeck:
         kinds = {x.number: x.kind for x in layup.elements if x.scope in turn}
         numbers, index = list(plies), list(plies.values())
         turns = np.array([turn[layup.elements[i].scope] for i in index])
-        a, b = (
-            np.einsum("nij,in->jn", turns, v[:, index])
-            for v in (layup.warp, layup.across())
-        )
+        axes_of_part = (layup.warp[:, index], layup.across()[:, index])
+        a, b = (np.einsum("nij,in->jn", turns, v) for v in axes_of_part)
         axes, angle = self._free(_AXES), self._free(_TURN)
         yield from axes_lines(axes, tables[AXES], numbers, a, b)
         weft, thick = layup.turn_of_weft()[None, index], layup.thickness[None, index]

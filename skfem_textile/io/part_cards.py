@@ -98,7 +98,7 @@ class CardDeck:
 
 # Nastran
 
-_WIDTH, _LARGE, _IN_LINE = 8, 16, 4
+_WIDTH, _LARGE, _IN_LINE, _N_FIELDS = 8, 16, 4, 24
 
 
 class _Card(NamedTuple):
@@ -169,24 +169,22 @@ class NastranDeck(CardDeck):
         """Name, fields after it, and the lines of each card of the bulk data."""
         lines = self.text.lines
         begin = [i for i, x in enumerate(lines) if re.match(r"\s*BEGIN\b", x, re.I)]
-        card: tuple[str, list[str], int] | None = None
-        end = 0
+        cards: list[tuple[str, list[str], list[int]]] = []
         for i in range(begin[0] + 1 if begin else 0, len(lines)):
             line = lines[i].partition("$")[0].rstrip().expandtabs(_WIDTH)
             if not line:
                 continue
             head, fields = _fields_of(line)
             if head and head[0] not in "+*":
-                if card is not None:
-                    yield card[0], _padded(card[1]), (card[2], end)
-                card = head.rstrip("*").upper(), fields, i
-                if card[0] == "ENDDATA":
-                    return
-            elif card is not None:
-                card[1].extend(fields)
-            end = i + 1
-        if card is not None:
-            yield card[0], _padded(card[1]), (card[2], end)
+                cards.append((head.rstrip("*").upper(), fields, [i, i + 1]))
+                if cards[-1][0] == "ENDDATA":
+                    break
+            elif cards:
+                cards[-1][1].extend(fields)
+                cards[-1][2][1] = i + 1
+        for name, fields, (first, end) in cards:
+            # Blank fields up to the last that is used here.
+            yield name, fields + [""] * (_N_FIELDS - len(fields)), (first, end)
 
     def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy with the angle of the warp and the thickness in its elements."""
@@ -245,19 +243,10 @@ def _basic(
 
 def _fields_of(line: str) -> tuple[str, list[str]]:
     """Name of a card, or continuation, and the fields of a line."""
-    if "," in line:
-        head, *words = (word.strip() for word in line.split(","))
-        n = _IN_LINE if "*" in head else 2 * _IN_LINE
-        return head, (words[:n] + n * [""])[:n]
-    head = line[:_WIDTH].strip()
-    n, width = (_IN_LINE, _LARGE) if "*" in head else (2 * _IN_LINE, _WIDTH)
-    starts = (_WIDTH + k * width for k in range(n))
-    return head, [line[a : a + width].strip() for a in starts]
-
-
-def _padded(fields: list[str]) -> list[str]:
-    """Fields of a card with blank ones up to the last that is used here."""
-    return fields + [""] * (24 - len(fields))
+    large = "*" in line.partition(",")[0][:_WIDTH]
+    n, width = (_IN_LINE, _LARGE) if large else (2 * _IN_LINE, _WIDTH)
+    head, *fields = _words(line, [_WIDTH, *[width] * n])
+    return head, fields
 
 
 def _integer(word: str) -> int:
@@ -517,7 +506,13 @@ class RadiossDeck(CardDeck):
     def _groups(self, layup: Layup) -> tuple[list["_Group"], list[str]]:
         """Elements with the same layers, and the properties with fibres."""
         parts, covered = self._parts(), layup.covered.tolist()
-        of = [self._part_of(element, parts) for element in layup.elements]
+        for element in layup.elements:
+            if not all(parts.get(element.owner, [""])):
+                raise MeshError(
+                    f"the {element.owner} of element {element.number} has no property "
+                    "and material: define /PART"
+                )
+        of = [parts[element.owner] for element in layup.elements]
         properties = sorted({of[i][0] for i in layup.indices()})
         found: dict[tuple[str, float], list[int]] = {}
         for i, (number, own) in enumerate(of):
@@ -534,23 +529,10 @@ class RadiossDeck(CardDeck):
         last = max((int(part) for part in names if part.isdigit()), default=0)
         yield from range(last + 1, last + 10**6)
 
-    def _parts(self) -> dict[str, tuple[str, str]]:
+    def _parts(self) -> dict[str, list[str]]:
         """Numbers of the property and the material of each part."""
         of = [o for o in self._options if o.name[0].upper() == "PART" and o.name[1:]]
-        words = {o.name[1]: _words(_first_card(o), [COLUMN] * 2) for o in of}
-        return {f"part {number}": (a, b) for number, (a, b) in words.items()}
-
-    @staticmethod
-    def _part_of(
-        element: Element, parts: dict[str, tuple[str, str]]
-    ) -> tuple[str, str]:
-        known = parts.get(element.owner, ("", ""))
-        if not all(known):
-            raise MeshError(
-                f"the {element.owner} of element {element.number} has no property and "
-                "material: define /PART"
-            )
-        return known
+        return {f"part {o.name[1]}": _words(_first_card(o), [COLUMN] * 2) for o in of}
 
     def _property(self, number: str) -> Option:
         for option in self._options:

@@ -154,11 +154,8 @@ def _fields(
             kind = "i8" if width == 1 else "f8"
             with errors_about(name):
                 fields[name] = from_words([word.encode() or b"0"], kind).item()
-        if not all(np.isfinite(fields[name]) for name in fields_of_card):
-            raise MeshError(
-                f"line {number + 1} after the title contains a number that is not "
-                "finite"
-            )
+                if not np.isfinite(fields[name]):
+                    raise MeshError("the number is not finite")
     return fields
 
 

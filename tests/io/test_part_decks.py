@@ -532,7 +532,7 @@ def test_angles_of_lsdyna_with_invariant_node_numbering(tmp_path, inn):
 
 TRIANGLE = ["GRID,1,,0.,0.,0.", "GRID,2,,1.,0.,0.", "GRID,3,,0.,1.,0."]
 REFUSED = {
-    r"a\.txt: a deck of a part must be a \.inp": ("a.txt", ["1"]),
+    r"a\.txt: decks of parts can be read only from \.inp": ("a.txt", ["1"]),
     r"a\.inp: .*'b\.inp', which a\.inp includes, does not": (
         *("a.inp", ["*Include, input=b.inp"]),
     ),
