@@ -23,13 +23,10 @@ from skfem_textile.io import (
 )
 from tests.helpers import decks
 from tests.helpers.command_line import rejected
-from tests.helpers.decks import LAW58, PART, card, mesh_deck
+from tests.helpers.decks import LAW58, PART, POINTS, QUADS, TRIANGLES, card, mesh_deck
 
 MESHES = Path(__file__).parent / "meshes"
 
-POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0.0]])
-QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
-TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
 CELLS = {"quad": QUADS, "triangle": TRIANGLES}
 
 
@@ -419,9 +416,9 @@ RADIOSS = [
     (LAW58, {}, "specify the thickness"),
     (LAW58[:4], THICK, "2 lines follow the title, but at least 5"),
     ([*LAW58[:3], "1O00", *LAW58[4:]], THICK, "E1: '1O00'"),
-    ([*LAW58[:3], card(c0_2="-5"), *LAW58[4:]], THICK, "stiffness"),
-    ([*LAW58, card(c0_1=9)], THICK, "no /FUNCT/9"),
-    ([*LAW58[:6], card(c0_1=3)], THICK, "N1 = 3"),
+    ([*LAW58[:3], card((0, "-5")), *LAW58[4:]], THICK, "stiffness"),
+    ([*LAW58, card((0, 9))], THICK, "no /FUNCT/9"),
+    ([*LAW58[:6], card((0, 3))], THICK, "N1 = 3"),
     ([*LAW58, *LAW58], THICK, "several"),
     (LAW58, {"thickness": 1.0, "material": "8"}, "number 8"),
 ]

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from skfem_textile import MeshError, drape
 from skfem_textile.io import read_part_deck, write_part_deck
 from skfem_textile.io.layups import LAYERS
+from tests.helpers.decks import keyword_blocks
 from tests.helpers.hostile import (
     RIGHT,
     Family,
@@ -78,53 +79,39 @@ def turned(corners, axis, degrees):
 # Readers of the copies: by instance and number, warp, weft and thickness
 
 
-def inp_blocks(path):
-    """Keyword, parameters and rows of an Abaqus deck with its include files."""
+def whole(path):
+    """Lines of an Abaqus deck with its include files."""
     for line in path.read_text().splitlines():
-        if line.lower().startswith("*include"):
-            name = re.search("(?i)input=(.*)", line)[1].strip()
-            yield from inp_blocks(path.parent / name)
-        elif line.startswith("*") and not line.startswith("**"):
-            keyword, *words = (x.strip() for x in line[1:].split(","))
-            pairs = (x.partition("=") for x in words)
-            yield keyword.upper(), {k.strip().upper(): v.strip() for k, _, v in pairs}
-        elif line.strip() and not line.startswith("**"):
-            yield [x.strip() for x in line.split(",") if x.strip() or line[0] == ","]
+        found = re.match(r"\*include.*input=(.*)", line, re.I)
+        yield from whole(path.parent / found[1].strip()) if found else [line]
 
 
 def of_inp(made, path):
-    scope, data, tables, sets, layups, part = {}, None, {}, {}, [], ""
+    tables, sets, layups, part = {}, {}, [], ""
     patches = {p.name.upper().removesuffix("-1"): p for p in made.patches}
-    for item in inp_blocks(path):
-        if isinstance(item, tuple):
-            keyword, given = item
-            if keyword in ("PART", "INSTANCE"):
-                part = given.get("PART", given["NAME"]).upper()
-            elif keyword in ("END PART", "END INSTANCE"):
-                part = ""
-            assert keyword != "DISTRIBUTION TABLE" or not part  # of the model
-            name = given.get("ELSET", given.get("NAME", "")).upper()
-            data = []
-            if keyword == "DISTRIBUTION":
-                tables[part, name] = data
-            elif keyword == "ELSET":
-                data = sets.setdefault((part, name), [])
-            elif keyword.endswith("SECTION"):
-                layups.append((part, name, given, data))
-            elif keyword == "ORIENTATION":
-                scope[part, name] = data
-        else:
-            data.append(item)
+    for keyword, given, rows in keyword_blocks("\n".join(whole(path)).encode()):
+        if keyword in ("PART", "INSTANCE"):
+            part = given.get("PART", given["NAME"]).upper()
+        elif keyword in ("END PART", "END INSTANCE"):
+            part = ""
+        assert keyword != "DISTRIBUTION TABLE" or not part  # of the model
+        name = given.get("ELSET", given.get("NAME", "")).upper()
+        if keyword in ("DISTRIBUTION", "ORIENTATION"):
+            tables[part, keyword, name] = rows
+        elif keyword == "ELSET":
+            sets.setdefault((part, name), []).extend(rows)
+        elif keyword.endswith("SECTION"):
+            layups.append((part, name, given, rows))
     found, assigned = {}, Counter()
     for part, name, given, layers in layups:
-        numbers = [int(n) for row in sets[part, name] for n in row]
+        numbers = [int(n) for row in sets[part, name] for n in row if n]
         assigned.update((part, n) for n in set(numbers))
         if "COMPOSITE" not in given:
             continue
         assert [row[4].split("_")[0] for row in layers] == [x for x, _ in LAYERS]
-        axes = scope[part, given["ORIENTATION"]][0][0]
+        axes = tables[part, "ORIENTATION", given["ORIENTATION"]][0][0]
         rows = {
-            key: {row[0]: [*map(float, row[1:])] for row in tables[part, key]}
+            key: {x[0]: [*map(float, x[1:])] for x in tables[part, "DISTRIBUTION", key]}
             for key in (axes, *(row[0] for row in layers), layers[1][3])
         }
         for number in numbers:

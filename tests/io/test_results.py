@@ -16,7 +16,7 @@ from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import distorted, random_u
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def result():
     scene = strip(size=(2, 3))
     ply = Ply(scene.mesh, Fabric(1e4, 0.5), OnePoint(5.0))
