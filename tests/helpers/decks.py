@@ -154,11 +154,9 @@ LAW58 = [
 ]
 
 
-def radioss(folder, *lines):
-    """A file of OpenRadioss."""
-    path = folder / "a.rad"
-    path.write_text("\n".join(["#RADIOSS STARTER", *lines, "/END"]))
-    return path
+def radioss(*lines):
+    """Text of OpenRadioss."""
+    return "\n".join(["#RADIOSS STARTER", *lines, "/END"])
 
 
 # A tool as STL

@@ -5,11 +5,15 @@ import pytest
 
 from skfem_textile.fabric import Softening
 from skfem_textile.io import read_fabric
-from tests.helpers.decks import LAW58, card
-from tests.helpers.decks import radioss as rad
+from tests.helpers.decks import LAW58, card, radioss
 
 FUNCTION = ["/FUNCT/3", "f", card((0, 0.0), (2, 0.0)), card((0, 0.1), (2, 9.0))]
 TURN = ["/FUNCT/4", "g", card((0, 0.0), (2, 0.0)), card((0, 60.0), (2, 1.2))]
+
+
+def rad(folder, *lines):
+    (folder / "a.rad").write_text(radioss(*lines))
+    return folder / "a.rad"
 
 
 def test_law58_is_a_cell_of_crimped_yarns(tmp_path):

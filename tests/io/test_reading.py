@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile import Fabric, Ply
 from skfem_textile.io import read_mesh
 from skfem_textile.mesh.selection import named_nodes
 from skfem_textile.scenes import bias_extension
@@ -117,19 +117,6 @@ def test_node_sets_without_edges_are_named_nodes(tmp_path):
     }
     named = {k: v.tolist() for k, v in named_nodes(mesh).items()}
     assert named == {"point": [4], "both": [4], "row": [3, 4, 5], "all": [4]}
-
-
-def test_conditions_accept_named_nodes_and_fix_all_of_a_set(tmp_path):
-    mesh = read_mesh(inp(tmp_path / "m.inp"))
-    ply = Ply(mesh, Fabric(10.0, 1.0), OnePoint())
-    held = {
-        "bottom": Condition("bottom"),
-        "both": Condition("both", lambda X, t: 0.1 * t * X * X[1]),
-        "row": Condition("row", lambda X, t: 0.1 * t * X * X[1]),
-    }
-    result = LoadStepper(ply, held, 1).run()
-    u = ply.nodal(result.u)
-    np.testing.assert_allclose(u[:, 3:6], 0.1 * mesh.p[:, 3:6], atol=1e-12)
 
 
 def test_the_rotation_of_a_scene_preserves_names(tmp_path):
