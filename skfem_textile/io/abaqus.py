@@ -123,6 +123,9 @@ _PARAMETERS = {
 # Keywords without effect on the mesh.
 _WITHOUT_EFFECT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
 
+#: Keywords that give elements a material or an orientation.
+SECTIONS = ("SHELL SECTION", "SHELL GENERAL SECTION", "MEMBRANE SECTION")
+
 #: Keywords that generate or modify parts of a mesh.
 GENERATING = (
     *("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY"),

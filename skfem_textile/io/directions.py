@@ -19,7 +19,7 @@ from ..mesh.selection import named_nodes
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import excerpt, number_of_text
 from . import abaqus
-from .abaqus import WARP, WEFT, Block, Deck, blocks, without_trailing_comma
+from .abaqus import SECTIONS, WARP, WEFT, Block, Deck, blocks, without_trailing_comma
 from .file_numbers import (
     by_suffix,
     errors_about,
@@ -30,10 +30,8 @@ from .file_numbers import (
 )
 from .vtk import in_space, read_xml, write_grid
 
-_SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
-
 # Keywords of a deck that define directions.
-_KEYWORDS = ("ORIENTATION", "DISTRIBUTION", "DISTRIBUTION TABLE", *_SECTIONS)
+_KEYWORDS = ("ORIENTATION", "DISTRIBUTION", "DISTRIBUTION TABLE", *SECTIONS)
 
 _VECTORS = ("warp_direction", "weft_direction")
 _ANGLES = ("warp_angle_deg", "weft_angle_deg")
@@ -301,7 +299,7 @@ def _store(deck: _Deck, block: Block) -> None:
     keyword, parameters, data, _ = block
     name = parameters.get("NAME", "").upper()
     blocks = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
-    if keyword in _SECTIONS:
+    if keyword in SECTIONS:
         if orientation := parameters.get("ORIENTATION", "").upper():
             deck.sections.append((parameters.get("ELSET", "").encode(), orientation))
     elif keyword == "DISTRIBUTION TABLE":

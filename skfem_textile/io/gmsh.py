@@ -370,15 +370,12 @@ def _mesh(
     refuse_duplicates(tags, "node")
     if cells:
         refuse_duplicates(np.concatenate([block.numbers for block in cells]), "element")
-    sets: dict[str, Any] = {
-        name: [
-            np.unique(block.members[block.groups == number])
-            if CELL_TYPES[block.kind][1] == dimension
-            else np.empty(0, dtype=int)
-            for block in cells
-        ]
-        for (dimension, number), name in names.items()
-    }
+    sets: dict[str, Any] = {name: [] for name in names.values()}
+    for (dimension, number), name in names.items():
+        for block in cells:
+            of_group = block.groups == number
+            of_group &= CELL_TYPES[block.kind][1] == dimension
+            sets[name].append(np.unique(block.members[of_group]))
     blocks: list[Any] = [
         (CELL_TYPES[block.kind][0], tag_positions(tags, block.nodes, "node"))
         for block in cells

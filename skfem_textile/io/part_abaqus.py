@@ -19,6 +19,7 @@ from .abaqus import (
     GENERATING,
     LENGTH,
     NOT_COVERED,
+    SECTIONS,
     Block,
     Deck,
     axes_lines,
@@ -49,7 +50,6 @@ _TYPES = {
 _CORNERS = {name: n for (n, _), names in _TYPES.items() for name in names.split()}
 _SHELLS = {x: (x, n) for (_, n), names in _TYPES.items() for x in names.split()}
 
-_SECTIONS = ("SHELL SECTION", "SHELL GENERAL SECTION", "MEMBRANE SECTION")
 _OF_MESH = ("NODE", "ELEMENT", "NSET", "ELSET")
 
 # Names of what the include file defines, and integration points of a layer.
@@ -180,13 +180,13 @@ class AbaqusDeck:
         return known
 
     def _read_mesh(self, part: _Part, block: Block) -> None:
-        of_mesh = block.keyword in (*_OF_MESH, *_SECTIONS)
+        of_mesh = block.keyword in (*_OF_MESH, *SECTIONS)
         if of_mesh and part is not self.flat and part.end is not None:
             raise MeshError("within *INSTANCE: define it in *PART")
         for instance in part.instances:
             if block.keyword == "NODE" and instance.is_moved():
                 raise MeshError("within a moved *INSTANCE: define it in *PART")
-        if block.keyword in _SECTIONS:
+        if block.keyword in SECTIONS:
             part.sections.append(block)
         elif block.keyword == "ELEMENT" and type_of(block) not in _SHELLS:
             numbers = list(first_words(block.data))
