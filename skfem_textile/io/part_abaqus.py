@@ -232,7 +232,7 @@ class AbaqusDeck:
                     self._middle(scope, *ab)
                     for ab in zip(nodes[:n], nodes[n:], strict=True)
                 ]
-            yield Element(number, kind, tuple(nodes), n, scope, "", (0, 0))
+            yield Element(number, kind, tuple(nodes), n, scope)
 
     def _middle(self, scope: str, a: int, b: int) -> int:
         """Number of a node between two nodes, below zero."""

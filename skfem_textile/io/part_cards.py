@@ -460,19 +460,19 @@ class RadiossDeck(CardDeck):
         self._options = options(self.text.content)
         for option in self._options:
             keyword = option.name[0].upper()
-            cards = [(i, x) for i, x in _cards_of(option) if x.strip()]
+            cards = [x for x in option.cards if x.strip()]
             with errors_about("/" + excerpt("/".join(option.name))):
                 if keyword == "NODE":
-                    for _, card in cards:
+                    for card in cards:
                         number, *x = _words(card, [COLUMN, *[2 * COLUMN] * 3])
                         self._add_node(_integer(number), [*map(_real, x)])
                 elif keyword in ("SHELL", "SH3N"):
                     n = 4 if keyword == "SHELL" else 3
                     part = _integer(option.name[1]) if option.name[1:] else 0
-                    for i, card in cards:
+                    for card in cards:
                         words = _words(card, [COLUMN] * (1 + n))
                         label, *nodes = map(_integer, words)
-                        own = tuple(nodes), n, "", f"part {part}", (i, i + 1)
+                        own = tuple(nodes), n, "", f"part {part}"
                         self.elements.append(Element(label, keyword, *own))
                 elif keyword == "TRANSFORM":
                     raise MeshError("nodes are moved: export them in place")
@@ -543,7 +543,7 @@ class RadiossDeck(CardDeck):
     def _thickness(self, number: str) -> float:
         """Thickness of a property that elements without the ply keep."""
         option = self._property(number)
-        cards = [x for _, x in _cards_of(option)][1:]
+        cards = option.cards[1:]
         known = option.name[1].upper() in _WITH_THICKNESS and len(cards) > 2
         t = _real(_words(cards[2], [2 * COLUMN] * 2)[1]) if known else 0.0
         if not t > 0:
@@ -552,11 +552,6 @@ class RadiossDeck(CardDeck):
                 "can be read: give them another part"
             )
         return t
-
-
-def _cards_of(option: Option) -> list[tuple[int, str]]:
-    """Cards of a keyword with the numbers of their lines."""
-    return list(zip(option.lines[1:], option.cards, strict=True))
 
 
 def _first_card(option: Option) -> str:

@@ -476,6 +476,19 @@ def test_files_outside_of_the_folder_are_copied_next_to_the_deck(
 
 # Other decks
 
+TRIANGLE = ["GRID,1,,0.,0.,0.", "GRID,2,,1.,0.,0.", "GRID,3,,0.,1.,0."]
+
+
+def test_a_remark_states_by_how_much_the_weft_is_skewed(tmp_path, caplog):
+    """From a tenth of a degree on."""
+    deck = written_deck(tmp_path, *TRIANGLE, "CTRIA3,9,1,1,2,3", name="a.bdf")
+    read = read_part_deck(deck)
+    fibres = straight(read.mesh)
+    for degrees in (0.0, 0.1):
+        fibres.warp[:2, 0] = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        write_part_deck(tmp_path / "out", read, fibres, 0.4)
+    assert [line[-23:] for line in caplog.messages] == ["90° to it by up to 0.1°"]
+
 
 def test_numbers_of_nastran_have_exponents_without_letters(tmp_path):
     grids = ["GRID,1,,1.5-3,-2.+1,0.", "GRID,2,,1.D+1,-.2E2,", "GRID,3,,10.,5.,"]
@@ -517,7 +530,6 @@ def test_angles_of_lsdyna_with_invariant_node_numbering(tmp_path, inn):
 
 # Refused decks and arguments
 
-TRIANGLE = ["GRID,1,,0.,0.,0.", "GRID,2,,1.,0.,0.", "GRID,3,,0.,1.,0."]
 REFUSED = {
     r"a\.txt: decks of parts can be read only from \.inp": ("a.txt", ["1"]),
     r"a\.inp: .*'b\.inp', which a\.inp includes, does not": (
