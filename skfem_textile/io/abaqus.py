@@ -32,18 +32,24 @@ _COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')
 
 # Keywords whose data lines may be in another file, and the name of that file.
 _WITH_INPUT = re.compile(r"\s*\*\s*(INCLUDE|NODE|ELEMENT|DISTRIBUTION)\s*,", re.I)
-_INPUT = re.compile(r",\s*INPUT\s*=\s*(\"[^\"]*\"|[^,]*)", re.I)
+_INPUT = re.compile(r"(?:,|^)\s*INPUT\s*=\s*(\"[^\"]*\"|[^,]*)", re.I)
 
 
 def find_include(lines: list[str], line: int) -> Include | None:
     """File that a keyword includes, or with the data lines of a keyword."""
     keyword = _WITH_INPUT.match(lines[line])
-    found = _INPUT.search(lines[line]) if keyword else None
-    if keyword is None or found is None:
+    if keyword is None:
         return None
-    rest = lines[line][: found.start()] + lines[line][found.end() :]
-    in_its_place = "**" if keyword[1].upper() == "INCLUDE" else rest
-    return Include({0: found[1].strip('"')}, [in_its_place])
+    n = 1
+    while lines[line + n - 1].rstrip().endswith(",") and line + n < len(lines):
+        n += 1
+    head = lines[line : line + n]
+    inputs = ((i, _INPUT.search(x)) for i, x in enumerate(head))
+    names = {i: found[1].strip('"') for i, found in inputs if found}
+    if not names:
+        return None
+    rest = "**" if keyword[1].upper() == "INCLUDE" else _INPUT.sub("", "".join(head))
+    return Include(names, [rest, *["**"] * (n - 1)])
 
 
 def content_of(path: Path) -> bytes:

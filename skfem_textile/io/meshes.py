@@ -50,7 +50,7 @@ CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
 def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mesh:
-    """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and others.
+    """Read a plane mesh: Gmsh .msh, Abaqus .inp with include files, .vtu and others.
 
     Quadrilaterals become a `skfem.MeshQuad` and triangles a `skfem.MeshTri`.  A file
     with both is split into quadrilaterals (`split_cells`), as scikit-fem has no mixed

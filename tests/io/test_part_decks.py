@@ -447,6 +447,7 @@ def test_continuum_shells_are_read_by_their_middle_and_degenerate_ones_as_triang
     [
         ("inp", [], ["*Include, input={}"], ""),
         ("inp", [], ['*NODE, nset=all, INPUT="{}"'], ""),
+        ("inp", ["*NODE, nset=all,"], ["INPUT={}"], ""),
         ("inp", ["\ufeff*Heading"], ["*Include, input={}"], "\ufeff"),
         ("k", ["\ufeff*KEYWORD"], ["*INCLUDE", "{}"], "\ufeff*NODE\n"),
     ],
