@@ -9,6 +9,7 @@ stiffness and mass therefore fill all sections to the same thickness.
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import count
 
 import numpy as np
 from numpy import ndarray
@@ -47,14 +48,13 @@ class _MidNodes:
     of_edges: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.last = max(self.positions)
+        self._numbers = count(max(self.positions) + 1)
 
     def between(self, a: int, b: int) -> int:
         """Number of the node of an edge."""
         edge = min(a, b), max(a, b)
         if edge not in self.of_edges:
-            self.last += 1
-            new = self.of_edges[edge] = self.last
+            new = self.of_edges[edge] = next(self._numbers)
             self.positions[new] = (self.positions[a] + self.positions[b]) / 2
         return self.of_edges[edge]
 

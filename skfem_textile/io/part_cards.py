@@ -10,7 +10,7 @@ between the middles of the sides 4-1 and 2-3.  In OpenRadioss each ply has an an
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from itertools import pairwise, product
+from itertools import count, pairwise, product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -129,16 +129,13 @@ _OTHERS = re.compile(
 class NastranDeck(CardDeck):
     """Nodes and shells of a Nastran deck."""
 
-    def __init__(self, path: Path) -> None:
-        self._fields: dict[tuple[int, int], list[str]] = {}
-        super().__init__(path)
-
     @staticmethod
     def _include(lines: list[str], line: int) -> Include | None:
         found = re.match(r"\s*include\s*[=\s]?\s*['\"]?([^'\"]+)", lines[line], re.I)
         return Include({0: found[1].rstrip()}, ["$"]) if found else None
 
     def _read(self) -> None:
+        self._fields: dict[tuple[int, int], list[str]] = {}  # by lines
         grids, usual = list[list[str]](), ""
         axes: dict[int, tuple[str, list[str]]] = {}
         for name, fields, lines in self._cards():
@@ -305,11 +302,6 @@ class _ShellCard(NamedTuple):
 class DynaDeck(CardDeck):
     """Nodes and shells of an LS-DYNA deck."""
 
-    def __init__(self, path: Path) -> None:
-        self._format, self._invariant = "-", False
-        self._cards: dict[int, _ShellCard] = {}  # by first line
-        super().__init__(path)
-
     @staticmethod
     def _include(lines: list[str], line: int) -> Include | None:
         found = re.match(r"\*INCLUDE(_\w+)?\s*$", lines[line], re.I)
@@ -329,6 +321,8 @@ class DynaDeck(CardDeck):
         return Include(names, ["$"] * n)
 
     def _read(self) -> None:
+        self._format, self._invariant = "-", False
+        self._cards: dict[int, _ShellCard] = {}  # by first line
         lines = self.text.lines
         kept = [i for i, x in enumerate(lines) if x.strip() and not x.startswith("$")]
         starts = [k for k, i in enumerate(kept) if lines[i].startswith("*")]
@@ -527,7 +521,7 @@ class RadiossDeck(CardDeck):
         """Numbers that no keyword uses."""
         names = (part for option in self._options for part in option.name[1:])
         last = max((int(part) for part in names if part.isdigit()), default=0)
-        yield from range(last + 1, last + 10**6)
+        return count(last + 1)
 
     def _parts(self) -> dict[str, list[str]]:
         """Numbers of the property and the material of each part."""
