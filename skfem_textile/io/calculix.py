@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from ..mesh.checks import MeshError
 from .abaqus import Block, node_lines, set_lines
-from .deck_text import DeckCopy
+from .deck_text import UTF8, DeckCopy
 from .file_numbers import real_word
 from .layups import LAYERS, WARP, Element, Layup
 from .part_abaqus import AbaqusDeck, Group, first_words, type_of
@@ -140,7 +140,7 @@ def _changed(
         prefix = re.compile(re.escape(parameters["INSTANCE"]) + r"\.", re.I)
         yield ", ".join([f"*{keyword}", f"{keyword}={parameters[keyword]}", *words])
         for row in block.data:
-            line = b", ".join(row).decode("utf-8", "surrogateescape")
+            line = b", ".join(row).decode(*UTF8)
             yield prefix.sub("", line)
 
 

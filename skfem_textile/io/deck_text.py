@@ -13,8 +13,8 @@ from ..mesh.user_input import excerpt, printable
 
 _LINE = re.compile(rb"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
 
-# Bytes that are not UTF-8 are kept.
-_UTF8 = "utf-8", "surrogateescape"
+#: Encoding of decks, and how other bytes are kept.
+UTF8 = "utf-8", "surrogateescape"
 
 
 class Include(NamedTuple):
@@ -40,11 +40,11 @@ class _File:
         lines = list(self.lines)
         for at, (child, name) in self.includes.items():
             if _path(name) != names[child.path]:
-                old, new = name.encode(*_UTF8), names[child.path].encode(*_UTF8)
+                old, new = name.encode(*UTF8), names[child.path].encode(*UTF8)
                 lines[at] = lines[at].replace(old, new)
         for at, by in changes.items():
             end = lines[at][len(lines[at].rstrip(b"\r\n")) :] or b"\n"
-            lines[at] = b"".join(line.encode(*_UTF8) + end for line in by)
+            lines[at] = b"".join(line.encode(*UTF8) + end for line in by)
         return b"".join(lines)
 
 
@@ -76,7 +76,7 @@ class DeckText:
     def _read(self, path: Path, within: tuple[Path, ...]) -> _File:
         file = _File(path, _LINE.findall(path.read_bytes()))
         self.files.append(file)
-        bare = [line.rstrip(b"\r\n").decode(*_UTF8) for line in file.lines]
+        bare = [line.rstrip(b"\r\n").decode(*UTF8) for line in file.lines]
         if bare:
             bare[0] = bare[0].removeprefix(BOM_UTF8.decode())
         line = 0
@@ -111,7 +111,7 @@ class DeckText:
     @property
     def content(self) -> bytes:
         """All lines, separated by line feeds."""
-        return "\n".join(self.lines).encode(*_UTF8)
+        return "\n".join(self.lines).encode(*UTF8)
 
 
 class DeckCopy:
@@ -143,7 +143,7 @@ class DeckCopy:
         """All lines in one file."""
         kept = (self._changes.get(i, [x]) for i, x in enumerate(self._text.lines))
         lines = [line for some in kept for line in some]
-        return "\n".join([*lines, *self._rest, ""]).encode(*_UTF8)
+        return "\n".join([*lines, *self._rest, ""]).encode(*UTF8)
 
     def write(self, folder: Path, more: Mapping[str, list[str]]) -> list[Path]:
         """Write all files with the changes, and more files by name; returns all paths.
@@ -168,10 +168,10 @@ class DeckCopy:
             whole = copies[main]
             end = b"\r\n" if b"\r\n" in whole else b"\n"
             whole += b"" if whole.endswith((b"\n", b"\r")) else end
-            rest = (line.encode(*_UTF8) + end for line in self._rest)
+            rest = (line.encode(*UTF8) + end for line in self._rest)
             copies[main] = whole + b"".join(rest)
         for name, lines in more.items():
-            copies[name] = "\n".join([*lines, ""]).encode(*_UTF8)
+            copies[name] = "\n".join([*lines, ""]).encode(*UTF8)
         for name, content in copies.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(content)
@@ -211,7 +211,7 @@ class DeckCopy:
 
 def _path(name: str) -> str:
     """Name of a file in UTF-8, or else in Latin-1, with slashes."""
-    given = name.encode(*_UTF8)
+    given = name.encode(*UTF8)
     try:
         text = given.decode()
     except UnicodeDecodeError:

@@ -34,7 +34,7 @@ from .abaqus import (
     set_lines,
     set_members,
 )
-from .deck_text import DeckCopy, DeckText
+from .deck_text import UTF8, DeckCopy, DeckText
 from .file_numbers import errors_about, real_word
 from .layups import LAYERS, WARP, Element, Layup
 from .vtk import in_space
@@ -418,7 +418,7 @@ class Group(NamedTuple):
         yield from set_lines("ELSET", pairs["ELSET"], self.rest)
         yield ", ".join([f"*{section.keyword}", *words])
         for row in section.data:
-            yield ", ".join(word.decode("utf-8", "surrogateescape") for word in row)
+            yield ", ".join(word.decode(*UTF8) for word in row)
 
     def comment_out(self, copy: DeckCopy) -> Iterator[str]:
         """Comment out the section; yields a remark."""
@@ -466,7 +466,7 @@ def first_words(data: list[list[bytes]]) -> Iterator[int]:
 def _material(section: Block) -> str:
     """Material of a section, or of its first layer."""
     layers = [row[2] for row in section.data if len(row) > 2]
-    of_layer = b"".join(layers[:1]).decode("utf-8", "surrogateescape")
+    of_layer = b"".join(layers[:1]).decode(*UTF8)
     own = section.parameters.get("MATERIAL") or of_layer
     if not own:
         raise MeshError("the section has no material: specify the material")

@@ -20,7 +20,7 @@ from numpy import ndarray
 from ..mesh.checks import MeshError, refuse_positions
 from ..mesh.user_input import excerpt
 from ..surfaces.tool_mesh import unit
-from .deck_text import DeckCopy, DeckText, Include
+from .deck_text import UTF8, DeckCopy, DeckText, Include
 from .file_numbers import errors_about, from_words, real_word
 from .layups import LAYERS, WARP, WEFT, Element, Layup
 from .radioss import COLUMN, Option, options
@@ -247,13 +247,13 @@ def _fields_of(line: str) -> tuple[str, list[str]]:
 
 
 def _integer(word: str) -> int:
-    return int(from_words([word.encode("utf-8", "surrogateescape") or b"0"], "i8")[0])
+    return int(from_words([word.encode(*UTF8) or b"0"], "i8")[0])
 
 
 def _real(word: str) -> float:
     """Number with an exponent that may have no letter, such as 1.5-3."""
     text = re.sub(r"(?<=[\d.])([+-])", r"e\1", word.upper().replace("D", "E"))
-    x = float(from_words([text.encode("utf-8", "surrogateescape") or b"0"], "f8")[0])
+    x = float(from_words([text.encode(*UTF8) or b"0"], "f8")[0])
     if not np.isfinite(x):
         raise MeshError(f"{excerpt(word)!r} is not finite")
     return x

@@ -391,6 +391,19 @@ def test_elements_without_fibres_keep_their_section(tmp_path, caplog):
     ]
 
 
+def test_a_material_of_layers_keeps_letters_that_are_not_utf_8(tmp_path):
+    section = ["*Shell Section, elset=Häut, composite", "0.9, 3, CFRP"]
+    path = written_deck(tmp_path, *NODES, *QUADS, *section)
+    path.write_bytes(path.read_bytes().replace(b"CFRP", "Träger".encode("latin-1")))
+    read = read_part_deck(path)
+    fibres = straight(read.mesh, [False, True])
+    files = write_part_deck(tmp_path / "out", read, fibres, 0.4, calculix=True)
+    for at in (1, 2):
+        lines = files[at].read_bytes().split(b"\n")
+        named = [x for x in lines if b"Tr\xe4ger" in x and x[:2] != b"**"]
+        assert len(named) == 5  # four layers, and the elements without fibres
+
+
 def test_thickness_of_each_element_may_be_given(tmp_path):
     path = written_deck(tmp_path, *NODES, *QUADS)
     read = read_part_deck(path)
