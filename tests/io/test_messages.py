@@ -280,6 +280,10 @@ CONTENTS = [
         for lines, more, message in RADIOSS
     ),
     *((read_surface, "tool.stl", content, message) for content, message in STL),
+    *(
+        (read_surface, f"tool.{suffix}", "", r"exact surfaces: convert it .*gmsh")
+        for suffix in ("step", "STP", "igs")
+    ),
 ]
 
 
@@ -526,13 +530,6 @@ def test_a_missing_h5py_is_named(tmp_path, name, read, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
     (tmp_path / name).write_bytes(b"\x89HDF\r\n")
     refused(tmp_path / name, f"this .{name[2:]} file requires h5py", read)
-
-
-@pytest.mark.parametrize("suffix", ["step", "STP", "igs"])
-def test_exact_surfaces_are_to_be_converted(tmp_path, suffix):
-    refused(
-        tmp_path / f"tool.{suffix}", r"exact surfaces: convert it .*gmsh", read_surface
-    )
 
 
 def test_an_unknown_unit_is_refused(tmp_path):
