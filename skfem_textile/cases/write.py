@@ -144,7 +144,9 @@ class WrittenCase:
         while file in self._files:  # a key with several files
             number += 1
             file = f"{FILES}/{key}_{number}{ending.lower()}"
-        self._files[file] = Path(name).read_bytes()
+        from ..io.abaqus import content_of
+
+        self._files[file] = content_of(Path(name))
         return file
 
 

@@ -1,9 +1,11 @@
 """Abaqus input files: nodes, elements and sets, read and written."""
 
 import re
+from codecs import BOM_UTF8
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -14,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt, printable
+from .deck_text import DeckText, Include
 from .file_numbers import (
     errors_about,
     from_words,
@@ -21,9 +24,41 @@ from .file_numbers import (
     refuse_duplicates,
     tag_positions,
 )
+from .vtk import in_space
 
 # A comma outside of quotation marks.
 _COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')
+
+
+# Keywords whose data lines may be in another file, and the name of that file.
+_WITH_INPUT = re.compile(r"\s*\*\s*(INCLUDE|NODE|ELEMENT|DISTRIBUTION)\s*,", re.I)
+_INPUT = re.compile(r"(?:,|^)\s*INPUT\s*=\s*(\"[^\"]*\"|[^,]*)", re.I)
+
+
+def find_include(lines: list[str], line: int) -> Include | None:
+    """File that a keyword includes, or with the data lines of a keyword."""
+    keyword = _WITH_INPUT.match(lines[line])
+    if keyword is None:
+        return None
+    n = 1
+    while lines[line + n - 1].rstrip().endswith(",") and line + n < len(lines):
+        n += 1
+    head = lines[line : line + n]
+    inputs = ((i, _INPUT.search(x)) for i, x in enumerate(head))
+    names = {i: found[1].strip('"') for i, found in inputs if found}
+    if not names:
+        return None
+    rest = "**" if keyword[1].upper() == "INCLUDE" else _INPUT.sub("", "".join(head))
+    return Include(names, [rest, *["**"] * (n - 1)])
+
+
+def content_of(path: Path) -> bytes:
+    """Content of a file; a deck has its include files in their places."""
+    if path.suffix.lower() == ".inp":
+        text = DeckText(path, find_include)
+        if len(text.files) > 1:
+            return text.content
+    return path.read_bytes()
 
 
 class Block(NamedTuple):
@@ -49,7 +84,8 @@ def without_trailing_comma(words: list[bytes]) -> list[bytes]:
 
 def blocks(content: bytes) -> Iterator[Block]:
     """All keywords, each with its data."""
-    stripped = (line.strip() for line in re.split(rb"\r\n|\n|\r", content))
+    every = re.split(rb"\r\n|\n|\r", content.removeprefix(BOM_UTF8))
+    stripped = (line.strip() for line in every)
     numbered = enumerate(stripped)
     kept = [(i, x) for i, x in numbered if x and not x.startswith(b"**")]
     numbers, lines = [i for i, _ in kept], [x for _, x in kept]
@@ -92,6 +128,9 @@ _PARAMETERS = {
 
 # Keywords without effect on the mesh.
 _WITHOUT_EFFECT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
+
+#: Keywords that give elements a material or an orientation.
+SECTIONS = ("SHELL SECTION", "SHELL GENERAL SECTION", "MEMBRANE SECTION")
 
 #: Keywords that generate or modify parts of a mesh.
 GENERATING = (
@@ -146,11 +185,6 @@ class Deck:
             raise MeshError(f"two sets {excerpt(bare)!r}: use unique names")
         return self.spelled.setdefault(key, bare)
 
-    def key(self, keyword: str, name: str) -> str:
-        """Key of a set by its first spelling."""
-        found = (k for (of, k), n in self.spelled.items() if (of, n) == (keyword, name))
-        return next(found)
-
     def local(self, word: bytes) -> bytes:
         """Number or name of a set without the name of the instance and a point."""
         prefix, bare = f"{self.instance}.".encode(), word.strip(b'"')
@@ -178,26 +212,14 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
     return mesh, deck.ignored
 
 
-def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
-    """Numbers of the triangles and quadrilaterals of a file, and sets of elements.
-
-    Numbers are in the order of the file; names of sets are their keys.
-    """
+def read_elements(content: bytes) -> tuple[ndarray, Deck]:
+    """Numbers of the triangles and quadrilaterals, in the order of a file, and sets."""
     deck = _deck(content)
     if deck.rotated:
         raise MeshError(
             "*INSTANCE: directions in a rotated instance are not supported: export the "
             "deck without this rotation"
         )
-    sets: dict[str, ndarray] = {}
-    for kind, numbers, _, name in deck.blocks:
-        if name is not None and kind != "line":
-            key = deck.key("ELSET", name)
-            sets[key] = np.concatenate([sets.get(key, numbers[:0]), numbers])
-    for (keyword, name), members in deck.sets.items():
-        if keyword == "ELSET":
-            key = deck.key("ELSET", name)
-            sets[key] = np.union1d(sets.get(key, members[:0]), members)
     plane = [numbers for kind, numbers, _, _ in deck.blocks if kind != "line"]
     if not plane:
         raise MeshError(
@@ -205,7 +227,7 @@ def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
         )
     numbers = np.concatenate(plane)
     refuse_duplicates(numbers, "element")
-    return numbers, sets
+    return numbers, deck
 
 
 def _deck(content: bytes) -> Deck:
@@ -228,16 +250,12 @@ def read_block(deck: Deck, block: Block) -> None:
     if keyword in ("INSTANCE", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
         deck.within = "" if keyword == "END ASSEMBLY" else keyword
     if keyword == "INCLUDE":
-        raise MeshError("this keyword is not supported: put the mesh in one file")
+        raise MeshError("the parameter INPUT, the name of a file, is missing")
     if keyword in GENERATING:
         raise MeshError(
             "this keyword is not supported: list nodes and elements one by one"
         )
-    if other := set(parameters) - _PARAMETERS.get(keyword, set(parameters)):
-        raise MeshError(
-            f"the parameter {printable(min(other))!r} is not supported: list plain "
-            "numbers without it"
-        )
+    refuse_parameters(block)
     _refuse_unknown(deck, block)
     in_assembly = deck.within in ("ASSEMBLY", "END INSTANCE")
     if in_assembly and deck.tags is not None and _is_of_the_assembly(deck, block):
@@ -245,9 +263,9 @@ def read_block(deck: Deck, block: Block) -> None:
     elif keyword == "NODE":
         _add_nodes(deck, parameters, data)
     elif keyword == "PART":
-        deck.part = _name_of(parameters, "NAME")
+        deck.part = name_of(parameters, "NAME")
     elif keyword == "INSTANCE":
-        deck.instance = _name_of(parameters, "NAME")
+        deck.instance = name_of(parameters, "NAME")
         _place(deck, data)
     elif keyword == "ELEMENT":
         kind, corners = _cell(deck.cells, parameters.get("TYPE", ""))
@@ -256,14 +274,24 @@ def read_block(deck: Deck, block: Block) -> None:
         deck.blocks.append((kind, rows[:, 0], rows[:, 1:], name))
     elif keyword in ("NSET", "ELSET"):
         name = deck.spelling(keyword, parameters)
-        members = _set_members(deck, block)
+        members = set_members(deck, block)
         before = deck.sets.get((keyword, name), members[:0])
         deck.sets[keyword, name] = np.union1d(before, members)
     elif keyword.removeprefix("END ") not in _WITHOUT_EFFECT:
         deck.ignored.append(f"*{keyword}")
 
 
-def _name_of(parameters: dict[str, str], key: str) -> str:
+def refuse_parameters(block: Block) -> None:
+    """Refuse parameters that are not supported."""
+    known = _PARAMETERS.get(block.keyword, block.parameters.keys())
+    if other := block.parameters.keys() - known:
+        raise MeshError(
+            f"the parameter {printable(min(other))!r} is not supported: list plain "
+            "numbers without it"
+        )
+
+
+def name_of(parameters: dict[str, str], key: str) -> str:
     """Name in upper case, as case is ignored."""
     return parameters.get(key, "").strip('"').upper()
 
@@ -274,7 +302,7 @@ def _refuse_unknown(deck: Deck, block: Block) -> None:
     if block.keyword == "INSTANCE" and deck.part:
         known = {"PART": deck.part}
     for key, defined in known.items():
-        if key in parameters and _name_of(parameters, key) != defined:
+        if key in parameters and name_of(parameters, key) != defined:
             raise MeshError(
                 f"the {key.lower()} {excerpt(parameters[key])!r} is not defined before "
                 "it is used: define it before"
@@ -290,7 +318,7 @@ def _is_of_the_assembly(deck: Deck, block: Block) -> bool:
     if keyword in ("NODE", "ELEMENT"):
         deck.after.add(keyword)
         sets = {"NSET", "ELSET"} & set(parameters)
-        deck.of_assembly |= {(key, _name_of(parameters, key)) for key in sets}
+        deck.of_assembly |= {(key, name_of(parameters, key)) for key in sets}
         return True
     numbered = {"NSET": "NODE", "ELSET": "ELEMENT"}.get(keyword)
     of_instance = ({"INSTANCE", "ELSET"} - {keyword}) & set(parameters)
@@ -304,7 +332,7 @@ def _is_of_the_assembly(deck: Deck, block: Block) -> bool:
         for word in words
     )
     if is_own:
-        deck.of_assembly.add((keyword, _name_of(parameters, keyword)))
+        deck.of_assembly.add((keyword, name_of(parameters, keyword)))
     return is_own
 
 
@@ -336,11 +364,6 @@ def _place(deck: Deck, data: list[list[bytes]]) -> None:
     if data:
         deck.points, deck.moved = in_space(deck.points) @ turn.T + shift, True
         deck.rotated = not np.array_equal(turn, np.eye(3))
-
-
-def in_space(points: ndarray) -> ndarray:
-    """Points of shape (n, 2) or (n, 3) with three coordinates."""
-    return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
 
 
 def motion(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
@@ -387,13 +410,12 @@ def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
 
 def _cell(cells: Mapping[str, tuple[str, int]], element: str) -> tuple[str, int]:
     """Cell of an element, and its number of nodes."""
-    try:
-        return cells[element.upper()]
-    except KeyError:
+    if element.upper() not in cells:
         raise MeshError(
             "only triangles and four-node quadrilaterals, such as CPS3 and CPS4, are "
             f"supported, found {excerpt(element) or 'no TYPE'}"
-        ) from None
+        )
+    return cells[element.upper()]
 
 
 def _elements(data: list[list[bytes]], width: int) -> ndarray:
@@ -419,7 +441,7 @@ def _elements(data: list[list[bytes]], width: int) -> ndarray:
     return from_words([word for row in rows for word in row], "i8").reshape(-1, width)
 
 
-def _set_members(deck: Deck, block: Block) -> ndarray:
+def set_members(deck: Deck, block: Block) -> ndarray:
     """Numbers of the members of a set, which may name sets defined before."""
     keyword, parameters, data, _ = block
     lines = [list(map(deck.local, without_trailing_comma(line))) for line in data]

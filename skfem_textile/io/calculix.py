@@ -9,13 +9,14 @@ stiffness and mass therefore fill all sections to the same thickness.
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import count
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
 from .abaqus import Block, node_lines, set_lines
-from .deck_text import DeckText
+from .deck_text import UTF8, DeckCopy
 from .file_numbers import real_word
 from .layups import LAYERS, WARP, Element, Layup
 from .part_abaqus import AbaqusDeck, Group, first_words, type_of
@@ -47,14 +48,13 @@ class _MidNodes:
     of_edges: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.last = max(self.positions)
+        self._numbers = count(max(self.positions) + 1)
 
     def between(self, a: int, b: int) -> int:
         """Number of the node of an edge."""
         edge = min(a, b), max(a, b)
         if edge not in self.of_edges:
-            self.last += 1
-            new = self.of_edges[edge] = self.last
+            new = self.of_edges[edge] = next(self._numbers)
             self.positions[new] = (self.positions[a] + self.positions[b]) / 2
         return self.of_edges[edge]
 
@@ -81,8 +81,8 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
         kind = elements[other[0]].kind
         raise MeshError(f"element {other[0]} is a {kind}: use S3 to S8R")
     nodes = _MidNodes({n: x for (_, n), x in deck.positions.items()})
-    text, lines = deck.text.unchanged(), list[str]()
-    _rename(text, instance.name)
+    copy, lines = DeckCopy(deck.text), list[str]()
+    _rename(copy, deck.text.lines, instance.name)
     beams = ", ".join(kind for kind in deck.left if kind.startswith("B"))
     remarks = [f"CalculiX may fail on layers together with {beams}"] * bool(beams)
     for block in deck.blocks:
@@ -92,32 +92,31 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
             )
         new = list(_changed(block, elements, nodes))
         if new or block.keyword.removeprefix("END ") in _OF_ASSEMBLY:
-            text.comment_out(block.lines, b"**")
-            text.insert(block.lines[0], [x.encode("latin-1") for x in new])
+            copy.comment_out(block.lines, "**")
+            copy.insert(block.lines[0], new)
     own = {
-        name: members for (k, name), members in part.deck.sets.items() if k == "NSET"
+        name: set(members.tolist())
+        for (keyword, name), members in part.deck.sets.items()
+        if keyword == "NSET"
     }
-    for name, pairs in deck.node_sets.items():
-        own[name] = np.array([n for _, n in pairs])
+    own |= {name: {n for _, n in pairs} for name, pairs in deck.node_sets.items()}
     for name, members in own.items():
-        lines += set_lines("NSET", name, nodes.within(set(members.tolist())))
+        lines += set_lines("NSET", name, nodes.within(members))
     lines += _FILLING_LINES
     for k, group in enumerate(deck.groups(part, set(plies), layup.material)):
         lines += _classes(group, plies, layup, f"CLASS_{k}")
         lines += group.rest_lines(str)
-        list(group.comment_out(text))
-    text.insert(deck.flat.end, [x.encode("latin-1") for x in lines])
-    return b"\n".join([*text.changed(), b""]), remarks
+        list(group.comment_out(copy))
+    copy.insert(deck.flat.end, lines)
+    return copy.content(), remarks
 
 
-def _rename(text: DeckText, instance: str) -> None:
-    """Names without the name of the instance before a point."""
-    prefix = re.compile(rb"\b" + re.escape(instance.encode()) + rb"\.", re.I)
-    if not instance:
-        return
-    for number, line in enumerate(text.lines):
-        if prefix.search(line):
-            text.replace(number, [prefix.sub(b"", line)])
+def _rename(copy: DeckCopy, lines: list[str], instance: str) -> None:
+    """Remove the name of the instance and a point before names."""
+    prefix = re.compile(r"\b" + re.escape(instance) + r"\.", re.I)
+    for number, line in enumerate(lines):
+        if instance and prefix.search(line):
+            copy.replace(number, [prefix.sub("", line)])
 
 
 def _changed(
@@ -141,7 +140,8 @@ def _changed(
         prefix = re.compile(re.escape(parameters["INSTANCE"]) + r"\.", re.I)
         yield ", ".join([f"*{keyword}", f"{keyword}={parameters[keyword]}", *words])
         for row in block.data:
-            yield prefix.sub("", b", ".join(row).decode("latin-1"))
+            line = b", ".join(row).decode(*UTF8)
+            yield prefix.sub("", line)
 
 
 def _is_raised(kind: str) -> bool:

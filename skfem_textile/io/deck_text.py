@@ -2,6 +2,7 @@
 
 import os
 import re
+from codecs import BOM_UTF8
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,16 +13,19 @@ from ..mesh.user_input import excerpt, printable
 
 _LINE = re.compile(rb"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
 
+#: Encoding of decks, and how other bytes are kept.
+UTF8 = "utf-8", "surrogateescape"
+
 
 class Include(NamedTuple):
-    """Names of included files by the line after the first, and the number of lines."""
+    """Names of included files by the line after the first, and lines in their place."""
 
-    names: dict[int, bytes]
-    n_lines: int = 1
+    names: dict[int, str]
+    lines: list[str]
 
 
 #: Finds the include that begins at a line of a file: the lines and the number of one.
-FindInclude = Callable[[list[bytes], int], Include | None]
+FindInclude = Callable[[list[str], int], Include | None]
 
 
 @dataclass
@@ -29,119 +33,117 @@ class _File:
     path: Path
     lines: list[bytes]  # with their ends
     # By the line of the name: the file and its name as given.
-    includes: dict[int, tuple["_File", bytes]] = field(default_factory=dict)
+    includes: dict[int, tuple["_File", str]] = field(default_factory=dict)
 
-    def copy(self, changes: dict[int, list[bytes]], names: dict[Path, str]) -> bytes:
+    def copy(self, changes: dict[int, list[str]], names: dict[Path, str]) -> bytes:
         """Content with changed lines, and new names of include files."""
         lines = list(self.lines)
         for at, (child, name) in self.includes.items():
             if _path(name) != names[child.path]:
-                new = names[child.path].encode("latin-1", "replace")
-                lines[at] = lines[at].replace(name, new)
+                old, new = name.encode(*UTF8), names[child.path].encode(*UTF8)
+                lines[at] = lines[at].replace(old, new)
         for at, by in changes.items():
             end = lines[at][len(lines[at].rstrip(b"\r\n")) :] or b"\n"
-            lines[at] = b"".join(line + end for line in by)
+            lines[at] = b"".join(line.encode(*UTF8) + end for line in by)
         return b"".join(lines)
 
 
-@dataclass
 class DeckText:
-    """All lines of a deck in the order in which a solver reads them.
+    """All lines of a deck and its include files, in the order of a solver.
 
     Attributes
     ----------
     lines
-        Lines without their ends.  Those that include a file are replaced by empty
-        comments.
+        Lines without their ends.  Those that include a file are replaced.
     files
-        The file of the deck, and those that it includes.
+        The file of the deck, and the files that it includes.
+
+    Raises
+    ------
+    MeshError
+        If an include file cannot be read, or includes itself.
+    OSError
+        If the deck cannot be read.
     """
 
-    lines: list[bytes]
-    files: list[_File]
-    _at: list[tuple[_File, int]]
-    _changes: dict[int, list[bytes]] = field(default_factory=dict)
-    _rest: list[bytes] = field(default_factory=list)
+    def __init__(self, path: Path, include: FindInclude) -> None:
+        self.lines: list[str] = []
+        self.files: list[_File] = []
+        self.places: list[tuple[_File, int]] = []  # of the lines
+        self._include = include
+        self._read(path, ())
 
-    @classmethod
-    def read(cls, path: Path, include: FindInclude, comment: bytes) -> "DeckText":
-        """Read a deck and its include files.
-
-        Raises
-        ------
-        MeshError
-            If a file cannot be read, or includes itself.
-        """
-        text = cls([], [], [])
-        text._read(path, include, comment, ())
-        return text
-
-    def _read(
-        self, path: Path, include: FindInclude, comment: bytes, within: tuple[Path, ...]
-    ) -> _File:
-        if path in within:
-            raise MeshError(f"the file {printable(path)} includes itself")
-        try:
-            file = _File(path, _LINE.findall(path.read_bytes()))
-        except OSError as error:
-            reason = printable(error.strerror or error)
-            raise MeshError(f"the file {printable(path)}: {reason}") from None
+    def _read(self, path: Path, within: tuple[Path, ...]) -> _File:
+        file = _File(path, _LINE.findall(path.read_bytes()))
         self.files.append(file)
-        bare, line = [one.rstrip(b"\r\n") for one in file.lines], 0
+        bare = [line.rstrip(b"\r\n").decode(*UTF8) for line in file.lines]
+        if bare:
+            bare[0] = bare[0].removeprefix(BOM_UTF8.decode())
+        line = 0
         while line < len(bare):
-            found = include(bare, line)
-            for one in range(line, line + (found.n_lines if found else 1)):
-                self.lines.append(comment if found else bare[one])
-                self._at.append((file, one))
-            for after, name in found.names.items() if found else ():
-                child = self._read(
-                    self._found(path, name), include, comment, (*within, path)
-                )
+            found = self._include(bare, line) or Include({}, [bare[line]])
+            self.lines += found.lines
+            self.places += [(file, line + k) for k in range(len(found.lines))]
+            for after, name in found.names.items():
+                child = self._included(path, name, (*within, path))
                 file.includes[line + after] = child, name
-            line += found.n_lines if found else 1
+            line += len(found.lines)
         return file
 
-    def _found(self, path: Path, given: bytes) -> Path:
-        """Included file, relative to the deck or to the file that includes it."""
+    def _included(self, path: Path, given: str, within: tuple[Path, ...]) -> _File:
+        """Read a file, relative to the deck or to the file that includes it."""
         name = _path(given)
         for folder in (self.files[0].path.parent, path.parent):
-            if (folder / name).is_file():
-                return folder / name
+            found = folder / name
+            if found in within:
+                raise MeshError(f"the file {printable(found)} includes itself")
+            if found.is_file():
+                try:
+                    return self._read(found, within)
+                except OSError as error:
+                    reason = printable(error.strerror or error)
+                    raise MeshError(f"the file {printable(found)}: {reason}") from None
         raise MeshError(
             f"the file {excerpt(name)!r}, which {printable(path.name)} includes, does "
             "not exist"
         )
 
-    def unchanged(self) -> "DeckText":
-        """The same lines without changes."""
-        return DeckText(self.lines, self.files, self._at)
-
     @property
     def content(self) -> bytes:
         """All lines, separated by line feeds."""
-        return b"\n".join(self.lines)
+        return "\n".join(self.lines).encode(*UTF8)
 
-    def replace(self, line: int, by: list[bytes]) -> None:
-        """Replace a line in copies."""
+
+class DeckCopy:
+    """Copy of a deck with changed lines."""
+
+    def __init__(self, text: DeckText) -> None:
+        self._text = text
+        self._changes: dict[int, list[str]] = {}
+        self._rest: list[str] = []
+
+    def replace(self, line: int, by: list[str]) -> None:
+        """Replace a line."""
         self._changes[line] = by
 
-    def comment_out(self, lines: list[int], mark: bytes) -> None:
-        """Comment out lines in copies."""
+    def comment_out(self, lines: list[int], mark: str) -> None:
+        """Comment out lines."""
         for line in lines:
-            self.replace(line, [mark + self.lines[line]])
+            self.replace(line, [mark + self._text.lines[line]])
 
-    def insert(self, line: int | None, more: list[bytes]) -> None:
-        """Insert lines in copies before a line, or at the end of the main file."""
+    def insert(self, line: int | None, more: list[str]) -> None:
+        """Insert lines before a line, or at the end of the main file."""
         if line is None:
             self._rest += more
         else:
-            kept = self._changes.get(line, [self.lines[line]])
+            kept = self._changes.get(line, [self._text.lines[line]])
             self.replace(line, [*more, *kept])
 
-    def changed(self) -> list[bytes]:
-        """All lines with the changes."""
-        kept = (self._changes.get(i, [x]) for i, x in enumerate(self.lines))
-        return [x for lines in kept for x in lines] + self._rest
+    def content(self) -> bytes:
+        """All lines in one file."""
+        kept = (self._changes.get(i, [x]) for i, x in enumerate(self._text.lines))
+        lines = [line for some in kept for line in some]
+        return "\n".join([*lines, *self._rest, ""]).encode(*UTF8)
 
     def write(self, folder: Path, more: Mapping[str, list[str]]) -> list[Path]:
         """Write all files with the changes, and more files by name; returns all paths.
@@ -155,34 +157,35 @@ class DeckText:
             If a changed file is included more than once, or two files would be written
             to one place.
         """
+        files = self._text.files
         changes, names = self._by_file(), self._names()
-        if taken := set(more) & {file.path.name for file in self.files}:
+        if taken := set(more) & {file.path.name for file in files}:
             name = printable(min(taken))
             raise MeshError(f"the deck includes {name} already: take the deck before")
-        copies = {
-            names[f.path]: f.copy(changes.get(f.path, {}), names) for f in self.files
-        }
-        main = names[self.files[0].path]
+        copies = {names[f.path]: f.copy(changes.get(f.path, {}), names) for f in files}
+        main = names[files[0].path]
         if self._rest:
             whole = copies[main]
             end = b"\r\n" if b"\r\n" in whole else b"\n"
             whole += b"" if whole.endswith((b"\n", b"\r")) else end
-            copies[main] = whole + b"".join(line + end for line in self._rest)
+            rest = (line.encode(*UTF8) + end for line in self._rest)
+            copies[main] = whole + b"".join(rest)
         for name, lines in more.items():
-            copies[name] = "\n".join([*lines, ""]).encode("latin-1", "replace")
+            copies[name] = "\n".join([*lines, ""]).encode(*UTF8)
         for name, content in copies.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(content)
         return [folder / name for name in copies]
 
-    def _by_file(self) -> dict[Path, dict[int, list[bytes]]]:
+    def _by_file(self) -> dict[Path, dict[int, list[str]]]:
         """New lines by file and line in it."""
-        changes: dict[Path, dict[int, list[bytes]]] = {}
+        changes: dict[Path, dict[int, list[str]]] = {}
         for line, by in self._changes.items():
-            file, at = self._at[line]
+            file, at = self._text.places[line]
             changes.setdefault(file.path, {})[at] = by
+        paths = [file.path for file in self._text.files]
         for path in changes:
-            if [file.path for file in self.files].count(path) > 1:
+            if paths.count(path) > 1:
                 raise MeshError(
                     f"the file {printable(path)} is included more than once: include "
                     "copies of it"
@@ -191,20 +194,26 @@ class DeckText:
 
     def _names(self) -> dict[Path, str]:
         """Name of the copy of each file, relative to the folder of the copies."""
-        home = self.files[0].path.parent.resolve()
-        names = {}
-        for file in self.files:
-            inside = os.path.relpath(file.path.resolve(), home)
-            outside = inside.startswith("..") or os.path.isabs(inside)
-            names[file.path] = file.path.name if outside else inside
-        by_name: dict[str, Path] = {}
-        for path, name in names.items():
-            if by_name.setdefault(name, path.resolve()) != path.resolve():
+        files = self._text.files
+        home = files[0].path.parent.resolve()
+        names, by_name = dict[Path, str](), dict[str, Path]()
+        for file in files:
+            place = file.path.resolve()
+            inside = place.is_relative_to(home)
+            name = os.fspath(place.relative_to(home)) if inside else file.path.name
+            if by_name.setdefault(name, place) != place:
                 raise MeshError(
                     f"the name {printable(name)} of an include file occurs twice"
                 )
+            names[file.path] = name
         return names
 
 
-def _path(name: bytes) -> str:
-    return name.decode("latin-1").strip().replace("\\", "/")
+def _path(name: str) -> str:
+    """Name of a file in UTF-8, or else in Latin-1, with slashes."""
+    given = name.encode(*UTF8)
+    try:
+        text = given.decode()
+    except UnicodeDecodeError:
+        text = given.decode("latin-1")
+    return text.strip().replace("\\", "/")

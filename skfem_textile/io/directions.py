@@ -7,7 +7,6 @@ second along the warp yarns (Abaqus Analysis User's Guide, "Fabric material beha
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -19,23 +18,20 @@ from ..mesh.checks import MeshError
 from ..mesh.selection import named_nodes
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import excerpt, number_of_text
-from .abaqus import (
-    WARP,
-    WEFT,
-    Block,
-    blocks,
-    deck_of,
-    name_key,
-    read_elements,
-    without_trailing_comma,
+from . import abaqus
+from .abaqus import SECTIONS, WARP, WEFT, Block, Deck, blocks, without_trailing_comma
+from .file_numbers import (
+    by_suffix,
+    errors_about,
+    from_words,
+    refuse_duplicates,
+    tag_positions,
+    write_table,
 )
-from .file_numbers import errors_about, from_words, tag_positions, write_table
-from .vtk import read_xml, write_grid
-
-_SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
+from .vtk import in_space, read_xml, write_grid
 
 # Keywords of a deck that define directions.
-_KEYWORDS = ("ORIENTATION", "DISTRIBUTION", "DISTRIBUTION TABLE", *_SECTIONS)
+_KEYWORDS = ("ORIENTATION", "DISTRIBUTION", "DISTRIBUTION TABLE", *SECTIONS)
 
 _VECTORS = ("warp_direction", "weft_direction")
 _ANGLES = ("warp_angle_deg", "weft_angle_deg")
@@ -71,11 +67,8 @@ def read_directions(path: str | os.PathLike[str]) -> FibreDirections:
     path = Path(path)
     readers = {".vtu": _of_vtu, ".csv": _of_csv, ".inp": _of_deck}
     with errors_about(path):
-        if path.suffix.lower() not in readers:
-            raise MeshError(
-                f"fibre directions can be read only from {', '.join(readers)} files"
-            )
-        return readers[path.suffix.lower()](path.read_bytes())
+        read = by_suffix(path, readers, "fibre directions can be read only from")
+        return read(abaqus.content_of(path))
 
 
 def _of_vtu(content: bytes) -> FibreDirections:
@@ -89,13 +82,13 @@ def _of_vtu(content: bytes) -> FibreDirections:
     def of_elements(name: str) -> ndarray:
         return np.concatenate([mesh.cell_data[name][i] for i in plane])
 
-    if set(_VECTORS) <= set(mesh.cell_data):
+    if set(mesh.cell_data) >= set(_VECTORS):
         vectors = [of_elements(name) for name in _VECTORS]
         for name, v in zip(_VECTORS, vectors, strict=True):
             if not np.all(np.abs(v[:, 2]) <= _IN_PLANE * np.abs(v[:, :2]).max(axis=1)):
                 raise MeshError(f"{name} must lie in the plane of the mesh")
         return FibreDirections(*(v[:, :2].T for v in vectors))
-    if set(_ANGLES) <= set(mesh.cell_data):
+    if set(mesh.cell_data) >= set(_ANGLES):
         return FibreDirections.of_angles(*(of_elements(n).ravel() for n in _ANGLES))
     raise MeshError(
         f"the file must contain the cell data {' and '.join(_VECTORS)}, or "
@@ -178,7 +171,9 @@ def write_directions(
     path, points = Path(path), mesh.p if points is None else points
     cells, parent = original_elements(mesh)
     directions.refuse_other(cells)
-    warp, weft, nodes = map(_in_space, (directions.warp, directions.weft, points))
+    warp, weft, nodes = (
+        in_space(x.T).T for x in (directions.warp, directions.weft, points)
+    )
     suffix = path.suffix.lower()
     if suffix == ".vtu":
         fields = dict(zip(_VECTORS, (warp.T, weft.T), strict=True))
@@ -192,7 +187,9 @@ def write_directions(
     elif suffix == ".inp":
         normal = np.zeros_like(warp)
         normal[2] = 1.0
-        deck = deck_of(cells, nodes, warp, weft, normal, *_sets(mesh, cells, parent))
+        deck = abaqus.deck_of(
+            cells, nodes, warp, weft, normal, *_sets(mesh, cells, parent)
+        )
         path.write_text(deck, encoding="utf-8")
     else:
         raise ValueError(
@@ -205,26 +202,25 @@ def _sets(
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Nodes of boundaries and named nodes, and the elements of subdomains."""
     n_nodes = 1 + max(cell.max() for cell in cells)
-    sides = {
+    nodes = {
         name: mesh.facets[:, np.asarray(edges)].ravel()
         for name, edges in (mesh.boundaries or {}).items()
     }
-    nodes = {
-        name: np.unique(np.concatenate([sides.get(name, []), single.get(name, [])]))
-        for single in [named_nodes(mesh)]
-        for name in {**sides, **single}
-    }
+    for name, members in named_nodes(mesh).items():
+        nodes[name] = np.concatenate([nodes.get(name, members[:0]), members])
     parts = {
         name: np.unique(parent[np.asarray(members)])
         for name, members in (mesh.subdomains or {}).items()
     }
-    return {name: at[at < n_nodes].astype(int) for name, at in nodes.items()}, parts
+    return {name: np.unique(at[at < n_nodes]) for name, at in nodes.items()}, parts
 
 
-def _in_space(x: ndarray) -> ndarray:
-    """Columns of vectors in the plane, as vectors in space."""
-    return np.pad(x, ((0, 1), (0, 0)))
-
+# Parameters of an orientation besides its name, with their only supported values.
+_PARAMETERS = {
+    "SYSTEM": "RECTANGULAR",
+    "DEFINITION": "COORDINATES",
+    "LOCAL DIRECTIONS": "2",
+}
 
 # Supported tables of distributions, with the number of values per element.
 _TABLES = {("COORD3D", "COORD3D"): 6, ("ANGLE",): 1}
@@ -235,23 +231,22 @@ class _Deck:
     """Blocks of a deck that define directions, by their names in upper case.
 
     ``sections`` are pairs of a set of elements and an orientation.  ``numbers`` are the
-    numbers of all elements, ``sets`` their members.
+    numbers of all elements of ``mesh``.
     """
 
     orientations: dict[str, Block] = field(default_factory=dict)
     distributions: dict[str, Block] = field(default_factory=dict)
     tables: dict[str, int] = field(default_factory=dict)
-    sections: list[tuple[str, str]] = field(default_factory=list)
+    sections: list[tuple[bytes, str]] = field(default_factory=list)
     numbers: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
-    sets: dict[str, ndarray] = field(default_factory=dict)
+    mesh: Deck = field(default_factory=Deck)
 
-    def members(self, name: str) -> ndarray:
-        """Indices of the elements of a set."""
-        members = _named("*ELSET", name, self.sets)
-        return np.flatnonzero(np.isin(self.numbers, members))
+    def members(self, name: bytes) -> ndarray:
+        """Mask of the elements of a set."""
+        return np.isin(self.numbers, abaqus.members_of(self.mesh, "ELSET", name))
 
 
-def _named(what: str, name: str, among: dict[str, Any]) -> Any:
+def _named(what: str, name: str, among: dict[str, Block]) -> Block:
     if name not in among:
         raise MeshError(f"{what} {excerpt(name)!r} is not defined")
     return among[name]
@@ -273,7 +268,7 @@ def directions_of_deck(content: bytes) -> tuple[ndarray, ndarray] | None:
         _store(deck, block)
     if not deck.orientations or not has_elements:
         return None
-    deck.numbers, deck.sets = read_elements(content)
+    deck.numbers, deck.mesh = abaqus.read_elements(content)
     local = np.full((2, 2, len(deck.numbers)), np.nan)
     if deck.sections:
         for elements, orientation in deck.sections:
@@ -304,9 +299,9 @@ def _store(deck: _Deck, block: Block) -> None:
     keyword, parameters, data, _ = block
     name = parameters.get("NAME", "").upper()
     blocks = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
-    if keyword in _SECTIONS:
+    if keyword in SECTIONS:
         if orientation := parameters.get("ORIENTATION", "").upper():
-            deck.sections.append((name_key(parameters.get("ELSET", "")), orientation))
+            deck.sections.append((parameters.get("ELSET", "").encode(), orientation))
     elif keyword == "DISTRIBUTION TABLE":
         words = tuple(w.decode(errors="replace").upper() for row in data for w in row)
         deck.tables[name] = _TABLES.get(tuple(filter(None, words)), 0)
@@ -325,15 +320,11 @@ def _local(deck: _Deck, block: Block) -> ndarray:
 def _local_directions(
     deck: _Deck, parameters: dict[str, str], data: list[list[bytes]]
 ) -> ndarray:
-    for key, known in (
-        ("SYSTEM", ("RECTANGULAR",)),
-        ("DEFINITION", ("COORDINATES",)),
-        ("LOCAL DIRECTIONS", ("2",)),
-    ):
-        given = " ".join(parameters.get(key, known[0]).upper().split())
-        if given not in known:
-            raise MeshError(f"{key}={excerpt(given)} is not supported: use {known[0]}")
-    if other := set(parameters) - {"NAME", "SYSTEM", "DEFINITION", "LOCAL DIRECTIONS"}:
+    for key, known in _PARAMETERS.items():
+        given = " ".join(parameters.get(key, known).upper().split())
+        if given != known:
+            raise MeshError(f"{key}={excerpt(given)} is not supported: use {known}")
+    if other := set(parameters) - {"NAME", *_PARAMETERS}:
         raise MeshError(
             f"the parameter {excerpt(min(other))!r} is not supported: remove it"
         )
@@ -448,7 +439,7 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
         raise MeshError(
             f"the distribution requires a *DISTRIBUTION TABLE with {kinds[width]}"
         )
-    by_element: list[tuple[bytes, list[bytes]]] = []
+    by_element: list[list[bytes]] = []
     values, with_default = np.full((width, len(numbers)), np.nan), False
     for words in block.data:
         row = without_trailing_comma(words)
@@ -458,25 +449,20 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
                 f"the line {shown!r} must contain an element and {width} number(s)"
             )
         if row[0].isdigit():
-            by_element.append((row[0], row[1:]))
+            by_element.append(row)
             continue
         row_values = from_words(row[1:], "f8")[:, None]
-        if row[0] == b"":
-            if with_default:
-                raise MeshError(
-                    "two lines without an element are given: keep one of them"
-                )
-            with_default = True
-            values[:] = np.where(np.isnan(values), row_values, values)
+        if row[0]:
+            values[:, deck.members(row[0])] = row_values
+        elif with_default:
+            raise MeshError("two lines without an element are given: keep one of them")
         else:
-            chosen = deck.members(name_key(row[0].decode(errors="replace")))
-            values[:, chosen] = row_values
-    if by_element:
-        tags = from_words([tag for tag, _ in by_element], "i8")
-        flat = from_words([word for _, words in by_element for word in words], "f8")
-        if len(np.unique(tags)) < len(tags):
-            raise MeshError("two lines are given for one element: keep one of them")
-        values[:, tag_positions(numbers, tags, "element")] = flat.reshape(-1, width).T
+            with_default = True
+            values = np.where(np.isnan(values), row_values, values)
+    tags = from_words([row[0] for row in by_element], "i8")
+    refuse_duplicates(tags, "element")
+    flat = from_words([word for row in by_element for word in row[1:]], "f8")
+    values[:, tag_positions(numbers, tags, "element")] = flat.reshape(-1, width).T
     if (left := np.isnan(values).any(axis=0)).any():
         raise MeshError(f"element {numbers[left][0]} has no value")
     return values

@@ -24,7 +24,7 @@ from ..surfaces.surface import SAME_AXES, Axes
 from ..surfaces.tool_mesh import ToolMesh
 from .abaqus import deck_of
 from .directions import write_directions
-from .file_numbers import write_table
+from .file_numbers import by_suffix, write_table
 from .results import cell_fields, on_users_elements
 from .vtk import write_grid
 
@@ -200,15 +200,12 @@ def write_pattern(
     several = [patterns] if isinstance(patterns, FlatPattern) else patterns
     curves = [curve for pattern in several for curve in (pattern, *pattern.holes)]
     writers = {".csv": _write_outline_csv, ".svg": _write_svg, ".dxf": _write_dxf}
-    if path.suffix.lower() not in writers:
-        raise ValueError(
-            f"{printable(path)}: patterns can be written only to {', '.join(writers)} "
-            "files"
-        )
+    what = f"{printable(path)}: patterns can be written only to"
+    write = by_suffix(path, writers, what)
     if not curves:
         raise ValueError(f"{printable(path)}: there is no pattern to write")
     seams = [seam for pattern in several for seam in pattern.seams]
-    writers[path.suffix.lower()](path, curves, seams)
+    write(path, curves, seams)
 
 
 def _write_outline_csv(

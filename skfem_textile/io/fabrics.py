@@ -22,7 +22,7 @@ from ..fabric.law import domain_of
 from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt, printable
 from . import radioss
-from .abaqus import Block, blocks, without_trailing_comma
+from .abaqus import Block, blocks, content_of, without_trailing_comma
 from .directions import directions_of_deck
 from .file_numbers import errors_about, from_words
 
@@ -104,7 +104,7 @@ def _read(
     force, length = _units(units)
     if thickness is not None and not (np.isfinite(thickness) and thickness > 0):
         raise MeshError(f"the thickness must be positive, got {thickness} mm")
-    content = path.read_bytes()
+    content = content_of(path)
     if suffix == ".json":
         if thickness is not None or material is not None:
             raise MeshError(
@@ -301,14 +301,14 @@ def _materials(every: list[Block]) -> list[_Material]:
 
 def _unread_parameters(block: Block) -> list[str]:
     """Messages about the parameters of a keyword of a fabric that are not read."""
-    unread = set(block.parameters) - _PARAMETERS.get(
-        block.keyword, block.parameters.keys()
-    )
-    shown = ((name, block.parameters[name]) for name in sorted(unread))
+    known = _PARAMETERS.get(block.keyword, block.parameters.keys())
+    words = [
+        "=".join(filter(None, (name, block.parameters[name])))
+        for name in sorted(block.parameters.keys() - known)
+    ]
     return [
-        f"*{block.keyword}, {excerpt('='.join(filter(None, words)))}: this "
-        "parameter is ignored"
-        for words in shown
+        f"*{block.keyword}, {excerpt(word)}: this parameter is ignored"
+        for word in words
     ]
 
 
@@ -328,17 +328,8 @@ def _store(block: Block, material: _Material, component: str) -> None:
     if not component:
         raise MeshError("this keyword must follow *UNIAXIAL")
     parameters = block.parameters
-    direction = parameters.get("DIRECTION", "").upper()
-    beyond = parameters.get("EXTRAPOLATION", "CONSTANT").upper()
-    if direction not in ("", "TENSION", "COMPRESSION"):
-        raise MeshError(
-            f"DIRECTION={excerpt(direction)} is not supported: use TENSION or "
-            "COMPRESSION"
-        )
-    if beyond not in ("CONSTANT", "LINEAR"):
-        raise MeshError(
-            f"EXTRAPOLATION={excerpt(beyond)} is not supported: use CONSTANT or LINEAR"
-        )
+    direction = _choice(parameters, "DIRECTION", "", "TENSION", "COMPRESSION")
+    beyond = _choice(parameters, "EXTRAPOLATION", "CONSTANT", "LINEAR")
     kind = parameters.get("TYPE", "ELASTIC").upper()
     if kind != "ELASTIC":
         material.ignored.append(
@@ -375,17 +366,23 @@ def _store(block: Block, material: _Material, component: str) -> None:
     tables.append(_Data(direction, strain, stress, beyond == "LINEAR"))
 
 
+def _choice(parameters: dict[str, str], key: str, *choices: str) -> str:
+    """Value of a parameter, by default the first choice."""
+    given = parameters.get(key, choices[0]).upper()
+    if given not in choices:
+        known = " or ".join(filter(None, choices))
+        raise MeshError(f"{key}={excerpt(given)} is not supported: use {known}")
+    return given
+
+
 def _chosen(materials: list[_Material], name: str | None) -> _Material:
     """Material with a name, or the only fabric."""
     fabrics = [m for m in materials if m.fabric]
     if name is not None:
         fabrics = [m for m in fabrics if m.name.upper() == name.upper()]
-        if not fabrics:
-            raise MeshError(
-                f"the file contains no material {excerpt(name)!r} with *FABRIC"
-            )
     if not fabrics:
-        raise MeshError("the file contains no *FABRIC")
+        wanted = f"material {excerpt(name)!r} with *FABRIC" if name else "*FABRIC"
+        raise MeshError(f"the file contains no {wanted}")
     if len(fabrics) > 1:
         names = ", ".join(excerpt(m.name) for m in fabrics)
         raise MeshError(
@@ -403,16 +400,15 @@ def _thickness(every: list[Block], material: str) -> float:
         and block.parameters.get("MATERIAL", "").upper() == material.upper()
         and block.data
     }
-    if len(values) == 1:
-        (word,) = values
-        t = float(from_words([word], "f8")[0])
-        if np.isfinite(t) and t > 0:
-            return t
+    if len(values) != 1:
+        found = "sections of several thicknesses have" if values else "no section has"
+        raise MeshError(
+            f"{found} the material {excerpt(material)!r}: specify the thickness in mm"
+        )
+    t = from_words(list(values), "f8").item()
+    if not (np.isfinite(t) and t > 0):
         raise MeshError(f"the thickness of the section must be positive, got {t:g}")
-    raise MeshError(
-        f"{'sections of several thicknesses have' if values else 'no section has'} the "
-        f"material {excerpt(material)!r}: specify the thickness in mm"
-    )
+    return t
 
 
 def _law(component: str, data: list[_Data], ignored: list[str], scale: float) -> Law:
@@ -473,23 +469,15 @@ _WRITTEN_COMPONENTS = (("1", 1), ("2", 0), ("SHEAR", 2))
 
 def _material_of(fabric: Fabric, thickness: float, name: str) -> str:
     """Abaqus material with the laws of a fabric; an error if it cannot be expressed."""
-    if not isinstance(fabric.tensions, TwoLaws):
-        raise ValueError(
-            "*FABRIC does not support a law of both fibre strains: write a .json file"
-        )
-    if fabric.bends:
-        raise ValueError(
-            "*FABRIC does not support bending or twist stiffness: write a .json file"
-        )
-    if np.any(np.not_equal(fabric.wrinkling_angle, Fabric.wrinkling_angle)):
-        raise ValueError(
-            "*FABRIC does not support a wrinkling angle: write a .json file"
-        )
-    if fabric.at() is not fabric:
-        raise ValueError(
-            "*FABRIC does not support laws that differ between elements: write a .json "
-            "file"
-        )
+    unsupported = {
+        "a law of both fibre strains": not isinstance(fabric.tensions, TwoLaws),
+        "bending or twist stiffness": fabric.bends,
+        "a wrinkling angle": np.any(fabric.wrinkling_angle != Fabric.wrinkling_angle),
+        "laws that differ between elements": fabric.at() is not fabric,
+    }
+    for what, is_given in unsupported.items():
+        if is_given:
+            raise ValueError(f"*FABRIC does not support {what}: write a .json file")
     lines = [f"*MATERIAL, NAME={name}", "*FABRIC"]
     for word, number in _WRITTEN_COMPONENTS:
         lines.append(f"*UNIAXIAL, COMPONENT={word}")

@@ -3,14 +3,24 @@
 import contextlib
 import csv
 import os
-from collections.abc import Iterable, Iterator
-from typing import Any, NoReturn
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt, printable
+
+_T = TypeVar("_T")
+
+
+def by_suffix(path: Path, choices: Mapping[str, _T], what: str) -> _T:
+    """Choice by the suffix of a file; a ValueError for any other suffix."""
+    if path.suffix.lower() not in choices:
+        raise ValueError(f"{what} {', '.join(choices)} files")
+    return choices[path.suffix.lower()]
 
 
 @contextlib.contextmanager

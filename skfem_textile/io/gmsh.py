@@ -72,12 +72,9 @@ def _count_22(numbers: Numbers) -> int:
 def cells_22(numbers: Numbers) -> list[CellBlock]:
     """Cells by type, each a member of a group."""
     count = _count_22(numbers)
-    if isinstance(numbers, BinaryNumbers):
-        rows = _binary_rows(numbers, count)
-    else:
-        rows = _text_rows(numbers, count)
     by_kind: dict[int, list[Any]] = {}
-    for kind, values in rows:
+    rows: Any = _binary_rows if isinstance(numbers, BinaryNumbers) else _text_rows
+    for kind, values in rows(numbers, count):
         by_kind.setdefault(kind, []).append(values)
     blocks = []
     for kind, parts in by_kind.items():
@@ -101,10 +98,8 @@ def _text_rows(numbers: TextNumbers, count: int) -> Iterator[tuple[int, Any]]:
                 f"{count} elements are declared, but the section ends before the last "
                 "one"
             )
-        yield (
-            kind,
-            [number, words[first - n_tags] if n_tags else 0, *words[first:position]],
-        )
+        group = words[first - n_tags] if n_tags else 0
+        yield kind, [number, group, *words[first:position]]
     if position < len(words):
         raise MeshError(
             f"it contains {len(words) - position} more words than its counts declare"
@@ -375,15 +370,12 @@ def _mesh(
     refuse_duplicates(tags, "node")
     if cells:
         refuse_duplicates(np.concatenate([block.numbers for block in cells]), "element")
-    sets: dict[str, Any] = {
-        name: [
-            np.unique(block.members[block.groups == number])
-            if CELL_TYPES[block.kind][1] == dimension
-            else np.empty(0, dtype=int)
-            for block in cells
-        ]
-        for (dimension, number), name in names.items()
-    }
+    sets: dict[str, Any] = {name: [] for name in names.values()}
+    for (dimension, number), name in names.items():
+        for block in cells:
+            of_group = block.groups == number
+            of_group &= CELL_TYPES[block.kind][1] == dimension
+            sets[name].append(np.unique(block.members[of_group]))
     blocks: list[Any] = [
         (CELL_TYPES[block.kind][0], tag_positions(tags, block.nodes, "node"))
         for block in cells

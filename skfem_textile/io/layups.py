@@ -33,7 +33,7 @@ class Element(NamedTuple):
 
     ``nodes`` are node numbers, the first ``n_corners`` of them at corners.  ``scope``
     is the instance, and ``owner`` the part or property.  ``lines`` are the first line
-    of the element and the one after the last.
+    of a card and the one after the last.
     """
 
     number: int
@@ -41,8 +41,8 @@ class Element(NamedTuple):
     nodes: tuple[int, ...]
     n_corners: int
     scope: str
-    owner: str
-    lines: tuple[int, int]
+    owner: str = ""
+    lines: tuple[int, int] = (0, 0)
 
     @property
     def corners(self) -> tuple[int, ...]:

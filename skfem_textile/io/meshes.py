@@ -50,7 +50,7 @@ CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
 def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mesh:
-    """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and others.
+    """Read a plane mesh: Gmsh .msh, Abaqus .inp with include files, .vtu and others.
 
     Quadrilaterals become a `skfem.MeshQuad` and triangles a `skfem.MeshTri`.  A file
     with both is split into quadrilaterals (`split_cells`), as scikit-fem has no mixed
@@ -95,7 +95,7 @@ def read_raw(path: Path) -> tuple[meshio.Mesh, list[str]]:
     """Content of a file, and names of its ignored parts."""
     refuse_no_file(path)
     if read := _READERS.get(path.suffix.lower()):
-        return read(path.read_bytes())
+        return read(abaqus.content_of(path))
     return _read_with_meshio(path)
 
 

@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,20 +19,25 @@ from .abaqus import (
     GENERATING,
     LENGTH,
     NOT_COVERED,
+    SECTIONS,
     Block,
     Deck,
     axes_lines,
     blocks,
     distribution_lines,
-    in_space,
+    find_include,
     members_of,
     motion,
+    name_of,
     read_block,
+    refuse_parameters,
     set_lines,
+    set_members,
 )
-from .deck_text import DeckText, Include
+from .deck_text import UTF8, DeckCopy, DeckText
 from .file_numbers import errors_about, real_word
 from .layups import LAYERS, WARP, Element, Layup
+from .vtk import in_space
 
 # Types by number of corners and of nodes.  Continuum shells have two faces.
 _TYPES = {
@@ -44,7 +50,6 @@ _TYPES = {
 _CORNERS = {name: n for (n, _), names in _TYPES.items() for name in names.split()}
 _SHELLS = {x: (x, n) for (_, n), names in _TYPES.items() for x in names.split()}
 
-_SECTIONS = ("SHELL SECTION", "SHELL GENERAL SECTION", "MEMBRANE SECTION")
 _OF_MESH = ("NODE", "ELEMENT", "NSET", "ELSET")
 
 # Names of what the include file defines, and integration points of a layer.
@@ -80,11 +85,6 @@ class _Part:
     end: int | None = None
 
 
-def _include(lines: list[bytes], line: int) -> Include | None:
-    found = re.match(rb"\s*\*include\s*,\s*input\s*=\s*\"?([^\",]+)", lines[line], re.I)
-    return Include({0: found[1]}) if found else None
-
-
 class AbaqusDeck:
     """Nodes, shells and sections of an Abaqus deck.
 
@@ -107,7 +107,7 @@ class AbaqusDeck:
     """
 
     def __init__(self, path: Path) -> None:
-        self.text = DeckText.read(path, _include, b"**")
+        self.text = DeckText(path, find_include)
         self.positions: dict[tuple[str, int], ndarray] = {}
         self.elements: list[Element] = []
         self.sets: dict[str, list[tuple[str, int]]] = {}
@@ -121,9 +121,8 @@ class AbaqusDeck:
         self._taken: set[str] = set()
         self.blocks = list(blocks(self.text.content))
         self._read()
-        for part in self._parts.values():
-            for instance in part.instances:
-                self._place(part, instance)
+        for part, instance in self._instances():
+            self._place(part, instance)
         for block in self._own:
             with errors_about(block):
                 self._add_own_set(block)
@@ -132,6 +131,9 @@ class AbaqusDeck:
         deck = Deck(cells=_SHELLS, n_lines=len(self.text.lines))
         self._parts[name] = _Part(name, deck)
         return self._parts[name]
+
+    def _instances(self) -> list[tuple[_Part, _Instance]]:
+        return [(p, i) for p in self._parts.values() for i in p.instances]
 
     def _read(self) -> None:
         flat = scope = self.flat
@@ -145,7 +147,7 @@ class AbaqusDeck:
                     flat.end = lines[0] if flat.end is None else flat.end
                     break
                 if keyword == "PART":
-                    scope = self._part(_name(parameters, "NAME"))
+                    scope = self._part(name_of(parameters, "NAME"))
                 elif keyword == "END PART":
                     scope.end, scope = lines[0], flat
                 elif keyword in ("ASSEMBLY", "END ASSEMBLY"):
@@ -168,7 +170,7 @@ class AbaqusDeck:
 
         A mesh made in the assembly is in the instance, and its part is empty.
         """
-        part, name = _name(parameters, "PART"), _name(parameters, "NAME")
+        part, name = name_of(parameters, "PART"), name_of(parameters, "NAME")
         if part not in self._parts:
             raise MeshError(f"the part {excerpt(part)!r} is not defined")
         known = self._parts[part]
@@ -178,13 +180,13 @@ class AbaqusDeck:
         return known
 
     def _read_mesh(self, part: _Part, block: Block) -> None:
-        of_mesh = block.keyword in (*_OF_MESH, *_SECTIONS)
+        of_mesh = block.keyword in (*_OF_MESH, *SECTIONS)
         if of_mesh and part is not self.flat and part.end is not None:
             raise MeshError("within *INSTANCE: define it in *PART")
         for instance in part.instances:
             if block.keyword == "NODE" and instance.is_moved():
                 raise MeshError("within a moved *INSTANCE: define it in *PART")
-        if block.keyword in _SECTIONS:
+        if block.keyword in SECTIONS:
             part.sections.append(block)
         elif block.keyword == "ELEMENT" and type_of(block) not in _SHELLS:
             numbers = list(first_words(block.data))
@@ -206,19 +208,19 @@ class AbaqusDeck:
         points = in_space(deck.points) @ instance.turn.T + instance.shift
         keys = [(scope, n) for n in deck.tags.tolist()]
         if len(set(keys)) < len(keys):
-            raise MeshError(f"a node number is used twice{_in(scope)}")
+            where = f" in the instance {excerpt(scope)}" if scope else ""
+            raise MeshError(f"a node number is used twice{where}")
         self.positions |= dict(zip(keys, points, strict=True))
+        sets = [(x, n) for (keyword, x), n in deck.sets.items() if keyword == "ELSET"]
         for kind, numbers, nodes, name in deck.blocks:
             if kind in _SHELLS:
                 rows = numbers.tolist(), nodes.tolist()
                 self.elements += self._elements(kind, *rows, scope)
             if name is not None:
-                members = [(scope, n) for n in numbers.tolist()]
-                self.sets.setdefault(_dotted(scope, name), []).extend(members)
-        for (keyword, name), numbers in deck.sets.items():
-            if keyword == "ELSET":
-                members = [(scope, n) for n in numbers.tolist()]
-                self.sets.setdefault(_dotted(scope, name), []).extend(members)
+                sets.append((name, numbers))
+        for name, numbers in sets:
+            of_name = self.sets.setdefault(f"{scope}.{name}" if scope else name, [])
+            of_name.extend((scope, n) for n in numbers.tolist())
 
     def _elements(
         self, kind: str, numbers: list[int], rows: list[list[int]], scope: str
@@ -230,7 +232,7 @@ class AbaqusDeck:
                     self._middle(scope, *ab)
                     for ab in zip(nodes[:n], nodes[n:], strict=True)
                 ]
-            yield Element(number, kind, tuple(nodes), n, scope, "", (0, 0))
+            yield Element(number, kind, tuple(nodes), n, scope)
 
     def _middle(self, scope: str, a: int, b: int) -> int:
         """Number of a node between two nodes, below zero."""
@@ -244,25 +246,17 @@ class AbaqusDeck:
 
     def _add_own_set(self, block: Block) -> None:
         """Add a set of the assembly with members in one instance."""
-        keyword, name = block.keyword, block.parameters.get(block.keyword, "")
-        scope = _name(block.parameters, "INSTANCE")
-        every = [(p, i) for p in self._parts.values() for i in p.instances]
-        decks = [part.deck for part, instance in every if instance.name == scope]
+        scope = name_of(block.parameters, "INSTANCE")
+        decks = [part.deck for part, i in self._instances() if i.name == scope]
         if not scope or not decks:
             return
-        pairs = {k: x for k, x in block.parameters.items() if k != "INSTANCE"}
-        deck = replace(
-            decks[0],
-            sets=dict(decks[0].sets),
-            spelled=dict(decks[0].spelled),
-            instance=scope,
-        )
-        read_block(deck, Block(keyword, {**pairs, keyword: "OWN"}, *block[2:]))
-        members = [(scope, n) for n in deck.sets[keyword, "OWN"].tolist()]
-        found = self.sets if keyword == "ELSET" else self.node_sets
-        found.setdefault(name, []).extend(members)
+        refuse_parameters(block)
+        numbers = set_members(replace(decks[0], instance=scope), block)
+        found = self.sets if block.keyword == "ELSET" else self.node_sets
+        members = found.setdefault(block.parameters.get(block.keyword, ""), [])
+        members.extend((scope, n) for n in numbers.tolist())
 
-    def only(self) -> tuple["_Part", "_Instance"]:
+    def only(self) -> tuple[_Part, _Instance]:
         """The part and the instance of a deck with one of each.
 
         Raises
@@ -270,13 +264,12 @@ class AbaqusDeck:
         MeshError
             If there are several, or nodes of the assembly.
         """
-        every = [(p, i) for p in self._parts.values() for i in p.instances]
-        with_nodes = [one for one in every if one[0].deck.tags is not None]
-        if len(with_nodes) != 1 or self._has_own_nodes:
+        known = [(p, i) for p, i in self._instances() if p.deck.tags is not None]
+        if len(known) != 1 or self._has_own_nodes:
             raise MeshError(
                 "CalculiX reads decks with one instance, and no nodes of the assembly"
             )
-        return with_nodes[0]
+        return known[0]
 
     # Layups
 
@@ -285,8 +278,9 @@ class AbaqusDeck:
 
         Tables of distributions are outside of parts, as Abaqus demands.
         """
-        text, remarks = self.text.unchanged(), list[str]()
-        self._taken = set(self._names)
+        copy, remarks = DeckCopy(self.text), list[str]()
+        sets = {name.rpartition(".")[2].upper() for name in self.sets}
+        self._taken = self._names | sets
         stem = self.text.files[0].path.stem
         tables = {
             kind: self._free(f"FIBRE_{kind.partition('3')[0]}S") for kind in _TABLES
@@ -301,13 +295,13 @@ class AbaqusDeck:
             name = _file(stem, part.name)
             lines = files.setdefault(name, [])
             lines += self._include_lines(part, plies, layup, tables)
-            text.insert(part.end, [f"*INCLUDE, INPUT={name}".encode()])
+            copy.insert(part.end, [f"*INCLUDE, INPUT={name}"])
             for group in self.groups(part, set(plies), layup.material):
-                remarks += group.comment_out(text)
+                remarks += group.comment_out(copy)
         if len(files) > 1:
             first = next(x.lines[0] for x in self.blocks if x.keyword == "PART")
-            text.insert(first, [f"*INCLUDE, INPUT={_file(stem, '')}".encode()])
-        return text.write(folder, files), remarks
+            copy.insert(first, [f"*INCLUDE, INPUT={_file(stem, '')}"])
+        return copy.write(folder, files), remarks
 
     def _plies(self, part: _Part, layup: Layup) -> dict[int, int]:
         """Index of each covered element by its number, ascending.
@@ -341,10 +335,8 @@ class AbaqusDeck:
         kinds = {x.number: x.kind for x in layup.elements if x.scope in turn}
         numbers, index = list(plies), list(plies.values())
         turns = np.array([turn[layup.elements[i].scope] for i in index])
-        a, b = (
-            np.einsum("nij,in->jn", turns, v[:, index])
-            for v in (layup.warp, layup.across())
-        )
+        axes_of_part = (layup.warp[:, index], layup.across()[:, index])
+        a, b = (np.einsum("nij,in->jn", turns, v) for v in axes_of_part)
         axes, angle = self._free(_AXES), self._free(_TURN)
         yield from axes_lines(axes, tables[AXES], numbers, a, b)
         weft, thick = layup.turn_of_weft()[None, index], layup.thickness[None, index]
@@ -395,11 +387,8 @@ class AbaqusDeck:
 
     def _free(self, name: str) -> str:
         """Name that neither the deck nor an include file uses."""
-        sets = {x.rpartition(".")[2].upper() for x in self.sets}
-        for number in range(1, 10**6):
-            free = name if number == 1 else f"{name}_{number}"
-            if free.upper() not in self._taken | sets:
-                break
+        names = (name if n == 1 else f"{name}_{n}" for n in count(1))
+        free = next(x for x in names if x.upper() not in self._taken)
         self._taken.add(free.upper())
         return free
 
@@ -429,12 +418,12 @@ class Group(NamedTuple):
         yield from set_lines("ELSET", pairs["ELSET"], self.rest)
         yield ", ".join([f"*{section.keyword}", *words])
         for row in section.data:
-            yield ", ".join(word.decode("latin-1") for word in row)
+            yield ", ".join(word.decode(*UTF8) for word in row)
 
-    def comment_out(self, text: DeckText) -> Iterator[str]:
+    def comment_out(self, copy: DeckCopy) -> Iterator[str]:
         """Comment out the section; yields a remark."""
         if self.section is not None:
-            text.comment_out(self.section.lines, b"**")
+            copy.comment_out(self.section.lines, "**")
             name = excerpt(self.section.parameters.get("ELSET", ""))
             whose = f"; layers have its material {self.material}" * self.own
             yield (
@@ -460,22 +449,9 @@ def _file(stem: str, part: str) -> str:
     return re.sub(r"[^\w-]", "_", name) + ".inp"
 
 
-def _name(parameters: dict[str, str], key: str) -> str:
-    return parameters.get(key, "").strip('"').upper()
-
-
 def type_of(block: Block) -> str:
     """Type of elements or constants in upper case."""
     return block.parameters.get("TYPE", "").upper()
-
-
-def _dotted(scope: str, name: str) -> str:
-    """Name of a set of an instance."""
-    return f"{scope}.{name}" if scope else name
-
-
-def _in(scope: str) -> str:
-    return f" in the instance {excerpt(scope)}" if scope else ""
 
 
 def first_words(data: list[list[bytes]]) -> Iterator[int]:
@@ -489,8 +465,9 @@ def first_words(data: list[list[bytes]]) -> Iterator[int]:
 
 def _material(section: Block) -> str:
     """Material of a section, or of its first layer."""
-    layers = [row[2].decode("latin-1") for row in section.data if len(row) > 2]
-    own = section.parameters.get("MATERIAL") or (layers or [""])[0]
+    layers = [row[2] for row in section.data if len(row) > 2]
+    of_layer = b"".join(layers[:1]).decode(*UTF8)
+    own = section.parameters.get("MATERIAL") or of_layer
     if not own:
         raise MeshError("the section has no material: specify the material")
     return own

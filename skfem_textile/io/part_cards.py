@@ -10,9 +10,9 @@ between the middles of the sides 4-1 and 2-3.  In OpenRadioss each ply has an an
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from itertools import pairwise, product
+from itertools import count, pairwise, product
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -20,7 +20,7 @@ from numpy import ndarray
 from ..mesh.checks import MeshError, refuse_positions
 from ..mesh.user_input import excerpt
 from ..surfaces.tool_mesh import unit
-from .deck_text import DeckText, Include
+from .deck_text import UTF8, DeckCopy, DeckText, Include
 from .file_numbers import errors_about, from_words, real_word
 from .layups import LAYERS, WARP, WEFT, Element, Layup
 from .radioss import COLUMN, Option, options
@@ -46,10 +46,8 @@ class CardDeck:
         Numbers of other elements by type.
     """
 
-    COMMENT: ClassVar[bytes] = b"$"
-
     def __init__(self, path: Path) -> None:
-        self.text = DeckText.read(path, self._include, self.COMMENT)
+        self.text = DeckText(path, self._include)
         self.positions: dict[tuple[str, int], ndarray] = {}
         self.elements: list[Element] = []
         self.left = Counter[str]()
@@ -64,7 +62,7 @@ class CardDeck:
         return found
 
     @staticmethod
-    def _include(lines: list[bytes], line: int) -> Include | None:
+    def _include(lines: list[str], line: int) -> Include | None:
         raise NotImplementedError
 
     def _read(self) -> None:
@@ -100,7 +98,7 @@ class CardDeck:
 
 # Nastran
 
-_WIDTH, _LARGE, _IN_LINE = 8, 16, 4
+_WIDTH, _LARGE, _IN_LINE, _N_FIELDS = 8, 16, 4, 24
 
 
 class _Card(NamedTuple):
@@ -131,16 +129,13 @@ _OTHERS = re.compile(
 class NastranDeck(CardDeck):
     """Nodes and shells of a Nastran deck."""
 
-    def __init__(self, path: Path) -> None:
-        self._fields: dict[tuple[int, int], list[str]] = {}
-        super().__init__(path)
-
     @staticmethod
-    def _include(lines: list[bytes], line: int) -> Include | None:
-        found = re.match(rb"\s*include\s*[=\s]?\s*['\"]?([^'\"]+)", lines[line], re.I)
-        return Include({0: found[1].rstrip()}) if found else None
+    def _include(lines: list[str], line: int) -> Include | None:
+        found = re.match(r"\s*include\s*[=\s]?\s*['\"]?([^'\"]+)", lines[line], re.I)
+        return Include({0: found[1].rstrip()}, ["$"]) if found else None
 
     def _read(self) -> None:
+        self._fields: dict[tuple[int, int], list[str]] = {}  # by lines
         grids, usual = list[list[str]](), ""
         axes: dict[int, tuple[str, list[str]]] = {}
         for name, fields, lines in self._cards():
@@ -169,30 +164,28 @@ class NastranDeck(CardDeck):
 
     def _cards(self) -> Iterator[tuple[str, list[str], tuple[int, int]]]:
         """Name, fields after it, and the lines of each card of the bulk data."""
-        lines = [line.decode("latin-1") for line in self.text.lines]
+        lines = self.text.lines
         begin = [i for i, x in enumerate(lines) if re.match(r"\s*BEGIN\b", x, re.I)]
-        card: tuple[str, list[str], int] | None = None
-        end = 0
+        cards: list[tuple[str, list[str], list[int]]] = []
         for i in range(begin[0] + 1 if begin else 0, len(lines)):
             line = lines[i].partition("$")[0].rstrip().expandtabs(_WIDTH)
             if not line:
                 continue
             head, fields = _fields_of(line)
             if head and head[0] not in "+*":
-                if card is not None:
-                    yield card[0], _padded(card[1]), (card[2], end)
-                card = head.rstrip("*").upper(), fields, i
-                if card[0] == "ENDDATA":
-                    return
-            elif card is not None:
-                card[1].extend(fields)
-            end = i + 1
-        if card is not None:
-            yield card[0], _padded(card[1]), (card[2], end)
+                cards.append((head.rstrip("*").upper(), fields, [i, i + 1]))
+                if cards[-1][0] == "ENDDATA":
+                    break
+            elif cards:
+                cards[-1][1].extend(fields)
+                cards[-1][2][1] = i + 1
+        for name, fields, (first, end) in cards:
+            # Blank fields up to the last that is used here.
+            yield name, fields + [""] * (_N_FIELDS - len(fields)), (first, end)
 
     def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy with the angle of the warp and the thickness in its elements."""
-        text, (angles, remarks) = self.text.unchanged(), self._angles(layup)
+        copy, (angles, remarks) = DeckCopy(self.text), self._angles(layup)
         for i in layup.indices():
             element = layup.elements[i]
             words, card = list(self._fields[element.lines]), _CARDS[element.kind]
@@ -200,9 +193,9 @@ class NastranDeck(CardDeck):
             for k in range(card.n_corners):
                 words[_T1 + k] = real_word(layup.thickness[i], _LARGE)
             first, end = element.lines
-            text.comment_out(list(range(first, end)), b"$")
-            text.insert(first, _large_card(element.kind, words))
-        return text.write(folder, {}), remarks
+            copy.comment_out(list(range(first, end)), "$")
+            copy.insert(first, _large_card(element.kind, words))
+        return copy.write(folder, {}), remarks
 
     def _side(self, element: Element) -> ndarray:
         if element.kind != "CQUAD8":
@@ -247,41 +240,32 @@ def _basic(
 
 def _fields_of(line: str) -> tuple[str, list[str]]:
     """Name of a card, or continuation, and the fields of a line."""
-    if "," in line:
-        head, *words = (word.strip() for word in line.split(","))
-        n = _IN_LINE if "*" in head else 2 * _IN_LINE
-        return head, (words[:n] + n * [""])[:n]
-    head = line[:_WIDTH].strip()
-    n, width = (_IN_LINE, _LARGE) if "*" in head else (2 * _IN_LINE, _WIDTH)
-    starts = (_WIDTH + k * width for k in range(n))
-    return head, [line[a : a + width].strip() for a in starts]
-
-
-def _padded(fields: list[str]) -> list[str]:
-    """Fields of a card with blank ones up to the last that is used here."""
-    return fields + [""] * (24 - len(fields))
+    large = "*" in line.partition(",")[0][:_WIDTH]
+    n, width = (_IN_LINE, _LARGE) if large else (2 * _IN_LINE, _WIDTH)
+    head, *fields = _words(line, [_WIDTH, *[width] * n])
+    return head, fields
 
 
 def _integer(word: str) -> int:
-    return int(from_words([word.encode("latin-1") or b"0"], "i8")[0])
+    return int(from_words([word.encode(*UTF8) or b"0"], "i8")[0])
 
 
 def _real(word: str) -> float:
     """Number with an exponent that may have no letter, such as 1.5-3."""
     text = re.sub(r"(?<=[\d.])([+-])", r"e\1", word.upper().replace("D", "E"))
-    x = float(from_words([text.encode("latin-1") or b"0"], "f8")[0])
+    x = float(from_words([text.encode(*UTF8) or b"0"], "f8")[0])
     if not np.isfinite(x):
         raise MeshError(f"{excerpt(word)!r} is not finite")
     return x
 
 
-def _large_card(name: str, fields: list[str]) -> list[bytes]:
+def _large_card(name: str, fields: list[str]) -> list[str]:
     while not fields[-1]:
         fields = fields[:-1]
     rows = [fields[k : k + _IN_LINE] for k in range(0, len(fields), _IN_LINE)]
     heads = [f"{name}*", *["*"] * (len(rows) - 1)]
     return [
-        (head.ljust(_WIDTH) + "".join(word.rjust(_LARGE) for word in row)).encode()
+        head.ljust(_WIDTH) + "".join(word.rjust(_LARGE) for word in row)
         for head, row in zip(heads, rows, strict=True)
     ]
 
@@ -318,14 +302,9 @@ class _ShellCard(NamedTuple):
 class DynaDeck(CardDeck):
     """Nodes and shells of an LS-DYNA deck."""
 
-    def __init__(self, path: Path) -> None:
-        self._format, self._invariant = "-", False
-        self._cards: dict[int, _ShellCard] = {}  # by first line
-        super().__init__(path)
-
     @staticmethod
-    def _include(lines: list[bytes], line: int) -> Include | None:
-        found = re.match(rb"\*INCLUDE(_\w+)?\s*$", lines[line], re.I)
+    def _include(lines: list[str], line: int) -> Include | None:
+        found = re.match(r"\*INCLUDE(_\w+)?\s*$", lines[line], re.I)
         if found is None:
             return None
         if found[1]:
@@ -333,16 +312,18 @@ class DynaDeck(CardDeck):
                 f"{excerpt(lines[line])} is not supported: use *INCLUDE alone"
             )
         names, n = {}, 1
-        while line + n < len(lines) and not lines[line + n].startswith(b"*"):
-            if lines[line + n].strip() and not lines[line + n].startswith(b"$"):
+        while line + n < len(lines) and not lines[line + n].startswith("*"):
+            if lines[line + n].strip() and not lines[line + n].startswith("$"):
                 names[n] = lines[line + n].strip()
             n += 1
         if not names:
             raise MeshError("*INCLUDE: the name of the file is missing")
-        return Include(names, n)
+        return Include(names, ["$"] * n)
 
     def _read(self) -> None:
-        lines = [line.decode("latin-1") for line in self.text.lines]
+        self._format, self._invariant = "-", False
+        self._cards: dict[int, _ShellCard] = {}  # by first line
+        lines = self.text.lines
         kept = [i for i, x in enumerate(lines) if x.strip() and not x.startswith("$")]
         starts = [k for k, i in enumerate(kept) if lines[i].startswith("*")]
         if starts[:1] != [0]:
@@ -396,7 +377,7 @@ class DynaDeck(CardDeck):
 
     def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy whose shells have the angle of the warp and the thickness."""
-        text, (angles, remarks) = self.text.unchanged(), self._angles(layup)
+        copy, (angles, remarks) = DeckCopy(self.text), self._angles(layup)
         current: dict[int, str] = {}
         covered = layup.covered.tolist()
         for i in sorted(range(len(covered)), key=lambda i: layup.elements[i].lines):
@@ -406,19 +387,19 @@ class DynaDeck(CardDeck):
             if covered[i]:
                 wanted = card.with_angle()
                 for at in card.of_thickness():
-                    text.replace(at, [])
+                    copy.replace(at, [])
                 thick, beta = (
                     real_word(x, card.width - 1).rjust(card.width)
                     for x in (layup.thickness[i], angles[i])
                 )
                 cards = [4 * thick + beta, *[4 * thick] * any(element.nodes[-4:])]
-                text.replace(first, [text.lines[first], *map(str.encode, cards)])
+                copy.replace(first, [self.text.lines[first], *cards])
             if card.head not in current and wanted != card.line:
-                text.replace(card.head, [wanted.encode("latin-1")])
+                copy.replace(card.head, [wanted])
             elif current.get(card.head, wanted) != wanted:
-                text.insert(first, [wanted.encode("latin-1")])
+                copy.insert(first, [wanted])
             current[card.head] = wanted
-        return text.write(folder, {}), remarks
+        return copy.write(folder, {}), remarks
 
     def _side(self, element: Element) -> ndarray:
         if not self._invariant:
@@ -464,30 +445,28 @@ _POINTS, _PROJECTED = 3, 2
 class RadiossDeck(CardDeck):
     """Nodes and shells of an OpenRadioss starter deck."""
 
-    COMMENT: ClassVar[bytes] = b"#"
-
     @staticmethod
-    def _include(lines: list[bytes], line: int) -> Include | None:
-        found = re.match(rb"#include\s+(\S.*)", lines[line])
-        return Include({0: found[1].rstrip()}) if found else None
+    def _include(lines: list[str], line: int) -> Include | None:
+        found = re.match(r"#include\s+(\S.*)", lines[line])
+        return Include({0: found[1].rstrip()}, ["#"]) if found else None
 
     def _read(self) -> None:
         self._options = options(self.text.content)
         for option in self._options:
             keyword = option.name[0].upper()
-            cards = [(i, x) for i, x in _cards_of(option) if x.strip()]
+            cards = [x for x in option.cards if x.strip()]
             with errors_about("/" + excerpt("/".join(option.name))):
                 if keyword == "NODE":
-                    for _, card in cards:
+                    for card in cards:
                         number, *x = _words(card, [COLUMN, *[2 * COLUMN] * 3])
                         self._add_node(_integer(number), [*map(_real, x)])
                 elif keyword in ("SHELL", "SH3N"):
                     n = 4 if keyword == "SHELL" else 3
                     part = _integer(option.name[1]) if option.name[1:] else 0
-                    for i, card in cards:
+                    for card in cards:
                         words = _words(card, [COLUMN] * (1 + n))
                         label, *nodes = map(_integer, words)
-                        own = tuple(nodes), n, "", f"part {part}", (i, i + 1)
+                        own = tuple(nodes), n, "", f"part {part}"
                         self.elements.append(Element(label, keyword, *own))
                 elif keyword == "TRANSFORM":
                     raise MeshError("nodes are moved: export them in place")
@@ -496,10 +475,10 @@ class RadiossDeck(CardDeck):
 
     def write(self, folder: Path, layup: Layup) -> Written:
         """Write a copy with a file of plies, whose angles are in ``/DRAPE``."""
-        text, remarks, numbers = self.text.unchanged(), list[str](), self._numbers()
+        copy, remarks, numbers = DeckCopy(self.text), list[str](), self._numbers()
         name = f"{self.text.files[0].path.stem}_fibres.inc"
         ends = [o.lines[0] for o in self._options if o.name[0].upper() == "END"]
-        text.insert(ends[0] if ends else None, [f"#include {name}".encode()])
+        copy.insert(ends[0] if ends else None, [f"#include {name}"])
         groups, properties = self._groups(layup)
         axis = _axis(layup)
         angles = layup.angles_deg(np.tile(axis[:, None], len(layup.elements)))
@@ -508,7 +487,7 @@ class RadiossDeck(CardDeck):
             plies += _write_plies(group, layup, angles, numbers, lines)
         for number in properties:
             option = self._property(number)
-            text.comment_out(option.lines, b"#")
+            copy.comment_out(option.lines, "#")
             remarks.append(f"{_named(option)} is commented out for the plies")
             lines += [f"/PROP/PCOMPP/{number}", "FIBRES"]
         shell = _first_card(self._property(properties[0]))[: 4 * COLUMN]
@@ -516,12 +495,18 @@ class RadiossDeck(CardDeck):
         lines.append("".join(map(_word20, axis.tolist())) + 3 * f"{0:>10}")
         for ply in plies:
             lines += [f"{ply:>10}{0:>20}{0:>20}", ""]
-        return text.write(folder, {name: lines}), remarks
+        return copy.write(folder, {name: lines}), remarks
 
     def _groups(self, layup: Layup) -> tuple[list["_Group"], list[str]]:
         """Elements with the same layers, and the properties with fibres."""
         parts, covered = self._parts(), layup.covered.tolist()
-        of = [self._part_of(element, parts) for element in layup.elements]
+        for element in layup.elements:
+            if not all(parts.get(element.owner, [""])):
+                raise MeshError(
+                    f"the {element.owner} of element {element.number} has no property "
+                    "and material: define /PART"
+                )
+        of = [parts[element.owner] for element in layup.elements]
         properties = sorted({of[i][0] for i in layup.indices()})
         found: dict[tuple[str, float], list[int]] = {}
         for i, (number, own) in enumerate(of):
@@ -536,25 +521,12 @@ class RadiossDeck(CardDeck):
         """Numbers that no keyword uses."""
         names = (part for option in self._options for part in option.name[1:])
         last = max((int(part) for part in names if part.isdigit()), default=0)
-        yield from range(last + 1, last + 10**6)
+        return count(last + 1)
 
-    def _parts(self) -> dict[str, tuple[str, str]]:
+    def _parts(self) -> dict[str, list[str]]:
         """Numbers of the property and the material of each part."""
         of = [o for o in self._options if o.name[0].upper() == "PART" and o.name[1:]]
-        words = {o.name[1]: _words(_first_card(o), [COLUMN] * 2) for o in of}
-        return {f"part {number}": (a, b) for number, (a, b) in words.items()}
-
-    @staticmethod
-    def _part_of(
-        element: Element, parts: dict[str, tuple[str, str]]
-    ) -> tuple[str, str]:
-        known = parts.get(element.owner, ("", ""))
-        if not all(known):
-            raise MeshError(
-                f"the {element.owner} of element {element.number} has no property and "
-                "material: define /PART"
-            )
-        return known
+        return {f"part {o.name[1]}": _words(_first_card(o), [COLUMN] * 2) for o in of}
 
     def _property(self, number: str) -> Option:
         for option in self._options:
@@ -565,7 +537,7 @@ class RadiossDeck(CardDeck):
     def _thickness(self, number: str) -> float:
         """Thickness of a property that elements without the ply keep."""
         option = self._property(number)
-        cards = [x for _, x in _cards_of(option)][1:]
+        cards = option.cards[1:]
         known = option.name[1].upper() in _WITH_THICKNESS and len(cards) > 2
         t = _real(_words(cards[2], [2 * COLUMN] * 2)[1]) if known else 0.0
         if not t > 0:
@@ -574,11 +546,6 @@ class RadiossDeck(CardDeck):
                 "can be read: give them another part"
             )
         return t
-
-
-def _cards_of(option: Option) -> list[tuple[int, str]]:
-    """Cards of a keyword with the numbers of their lines."""
-    return list(zip(option.lines[1:], option.cards, strict=True))
 
 
 def _first_card(option: Option) -> str:

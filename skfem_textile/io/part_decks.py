@@ -19,7 +19,7 @@ from ..nets.sheet import FibresInSpace
 from ..surfaces.tool_mesh import ToolMesh
 from .calculix import calculix_deck
 from .draping import write_fibres
-from .file_numbers import errors_about
+from .file_numbers import by_suffix, errors_about
 from .layups import Element, Layup
 from .meshes import refuse_no_file
 from .part_abaqus import AbaqusDeck
@@ -27,13 +27,12 @@ from .part_cards import DynaDeck, NastranDeck, RadiossDeck
 
 log = logging.getLogger(__name__)
 
-_FORMATS: dict[tuple[str, ...], Any] = {
-    (".inp",): AbaqusDeck,
-    (".bdf", ".nas", ".dat"): NastranDeck,
-    (".k", ".key", ".dyn"): DynaDeck,
-    (".rad",): RadiossDeck,
+_READERS: dict[str, Any] = {
+    ".inp": AbaqusDeck,
+    **dict.fromkeys((".bdf", ".nas", ".dat"), NastranDeck),
+    **dict.fromkeys((".k", ".key", ".dyn"), DynaDeck),
+    ".rad": RadiossDeck,
 }
-_READERS = {name: form for names, form in _FORMATS.items() for name in names}
 
 # Names of materials that all formats allow.
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
@@ -95,10 +94,9 @@ def read_part_deck(path: str | os.PathLike[str]) -> PartDeck:
     """
     path = Path(path)
     with errors_about(path):
-        if path.suffix.lower() not in _READERS:
-            raise MeshError(f"a deck of a part must be a {', '.join(_READERS)} file")
+        reader = by_suffix(path, _READERS, "decks of parts can be read only from")
         refuse_no_file(path)
-        form = _READERS[path.suffix.lower()](path)
+        form = reader(path)
         if not form.elements:
             raise MeshError("the deck contains no shells or membranes")
         elements = _in_order(form.elements)

@@ -19,8 +19,6 @@ from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt
 from .file_numbers import errors_about, from_words
 
-_LAWS = {"LAW58": 58, "FABR_A": 58, "LAW158": 158, "FABR_NL": 158}
-
 #: Width of a column of a card; floating-point numbers take two.
 COLUMN = 10
 
@@ -50,8 +48,6 @@ _CARDS_158 = (
     *_CARDS_58[5:8],
     {"fct_ID4": (0, 1), "fct_ID5": (1, 1)},
 )
-# Cards of each law, and their minimum number.
-_CARDS = {58: (_CARDS_58, 5), 158: (_CARDS_158, 6)}
 
 # Defaults of hm_read_mat58.F and hm_read_mat158.F.
 _CRIMP, _FLEX = 0.1, 1e-3
@@ -108,19 +104,18 @@ def read(
     name = "/" + "/".join(option.name[:3])
     if thickness is None:
         raise MeshError(f"{excerpt(name)}: specify the thickness in mm")
-    law, scale = _LAWS[option.name[1].upper()], thickness * stress
+    build, cards, least = _LAWS[option.name[1].upper()]
+    scale = thickness * stress
     with errors_about(excerpt(name)):
-        tables = _Functions(every, scale)
-        fields = _fields(option.cards, *_CARDS[law])
+        fields = _fields(option.cards, cards, least)
         ignored = _ignored(option, fields)
-        build = _law58 if law == 58 else _law158
-        return build(fields, scale, tables, ignored), ignored
+        return build(fields, scale, _Functions(every, scale), ignored), ignored
 
 
 def options(content: bytes) -> list[Option]:
     """All keywords, each with its cards."""
     found: list[Option] = []
-    text = content.decode("utf-8", "replace")
+    text = content.decode("utf-8-sig", "replace")
     for number, line in enumerate(re.split(r"\r\n|\n|\r", text)):
         if line.startswith("/"):
             parts = [part.strip() for part in line[1:].split("/")]
@@ -154,11 +149,8 @@ def _fields(
             kind = "i8" if width == 1 else "f8"
             with errors_about(name):
                 fields[name] = from_words([word.encode() or b"0"], kind).item()
-        if not all(np.isfinite(fields[name]) for name in fields_of_card):
-            raise MeshError(
-                f"line {number + 1} after the title contains a number that is not "
-                "finite"
-            )
+                if not np.isfinite(fields[name]):
+                    raise MeshError("the number is not finite")
     return fields
 
 
@@ -295,3 +287,10 @@ def _shear(f: dict[str, float], tables: _Functions, ignored: list[str]) -> Law:
     if _STRAIGHT_LINES not in ignored:
         ignored.append(_STRAIGHT_LINES)
     return Tabulated(np.radians(x), y, "linear", one_sided)
+
+
+# Functions that build the laws, their cards, and the minimum number of cards.
+_LAWS = {
+    **dict.fromkeys(("LAW58", "FABR_A"), (_law58, _CARDS_58, 5)),
+    **dict.fromkeys(("LAW158", "FABR_NL"), (_law158, _CARDS_158, 6)),
+}

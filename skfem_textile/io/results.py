@@ -27,7 +27,7 @@ from ..solve.result import Result
 from ..solve.states import State
 from ..surfaces.surface import SAME_AXES, Axes, Surface
 from .file_numbers import word_of, write_table
-from .vtk import write_grid, write_series
+from .vtk import in_space, write_grid, write_series
 
 if TYPE_CHECKING:
     from ..contact import PlacedTool
@@ -38,7 +38,7 @@ _Map = Callable[[dict[str, ndarray]], dict[str, ndarray]]
 
 def point_fields(ply: FabricOnBasis, u: ndarray) -> dict[str, ndarray]:
     """``displacement`` of the vertices in mm, shape (n_vertices, 3)."""
-    return {"displacement": _in_space(ply.nodal(u)[:, : ply.mesh.nvertices])}
+    return {"displacement": in_space(ply.nodal(u)[:, : ply.mesh.nvertices].T)}
 
 
 def cell_fields(
@@ -64,7 +64,7 @@ def cell_fields(
     for i, family in enumerate(("warp", "weft")):
         fields[f"{family}_strain"] = _extreme(strain[i])
         fields[f"{family}_tension"] = _extreme(tension[i])
-        fields[f"{family}_direction"] = _in_space(direction[i])
+        fields[f"{family}_direction"] = in_space(direction[i].T)
     return fields
 
 
@@ -112,11 +112,6 @@ def _extreme(x: ndarray) -> ndarray:
     """Value of largest magnitude over the points of each element."""
     largest = np.abs(x).argmax(axis=-1)
     return np.take_along_axis(x, largest[:, None], axis=-1)[:, 0]
-
-
-def _in_space(x: ndarray) -> ndarray:
-    """Columns of vectors, in the plane or in space, as rows of vectors in space."""
-    return np.pad(x, ((0, 3 - len(x)), (0, 0))).T
 
 
 #: Names of the files written by `write_fields`.

@@ -34,6 +34,9 @@ Unit: TypeAlias = Literal["mm", "cm", "m", "in"]
 # mould of half of the blade of a small wind turbine.
 _LEAST, _MOST = 5.0, 20e3
 
+# Units that a file without one may have, the most frequent first.
+_UNITS = ("m", "in", "cm")
+
 # Bytes of the header and of a triangle of a binary STL file.
 _HEADER, _TRIANGLE = 84, 50
 
@@ -123,12 +126,9 @@ def _doubt(extent: float, known: bool) -> str:
         return ""
     if known:
         return f"the tool extends over {extent:.3g} mm: check its unit"
-    fitting = [u for u in ("m", "in", "cm") if _LEAST <= extent * IN_MM[u] <= _MOST]
-    advice = (
-        f"if the file is in {fitting[0]}, specify this unit"
-        if fitting
-        else ("export it in mm if this is not so")
-    )
+    advice = "export it in mm if this is not so"
+    if fitting := [u for u in _UNITS if _LEAST <= extent * IN_MM[u] <= _MOST]:
+        advice = f"if the file is in {fitting[0]}, specify this unit"
     return f"the tool is assumed in mm and extends over {extent:.3g} mm: {advice}"
 
 
@@ -192,11 +192,8 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
             scene = trimesh.load_scene(path, process=False, **options)
             mesh = scene.to_mesh()
             points, faces = np.array(mesh.vertices), np.array(mesh.faces)
-            own = (
-                trimesh.units.unit_conversion(scene.units, "mm")
-                if (scene.units)
-                else None
-            )
+            unit = scene.units
+            own = trimesh.units.unit_conversion(unit, "mm") if unit else None
     except ImportError as error:
         package = error.name or "trimesh"
         raise MeshError(

@@ -81,6 +81,11 @@ def mesh_of(
     return meshio.Mesh(points, blocks, of_points, by_block)
 
 
+def in_space(points: ndarray) -> ndarray:
+    """Points or vectors of shape (n, 2) or (n, 3) with three components."""
+    return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+
+
 def write_grid(
     path: Path,
     points: ndarray,
@@ -274,22 +279,24 @@ class _LegacyFile:
 
     def _data(self, keyword: str, arguments: list[str]) -> None:
         """Read one array of point or cell data, or a colour table."""
-        name, count = arguments[0], self._count
+        name, *numbers = arguments
+        colour = "u1" if self._binary else "f4"
         if keyword == "LOOKUP_TABLE":
-            self.numbers(4 * _natural(arguments[1]), "u1" if self._binary else "f4")
-        elif keyword == "COLOR_SCALARS":
-            kind = "u1" if self._binary else "f4"
-            self._read_array(name, count, _natural(arguments[1]), kind)
+            self.numbers(4 * _natural(numbers[0]), colour)
+            return
+        if keyword == "COLOR_SCALARS":
+            components, kind = _natural(numbers[0]), colour
         elif keyword == "TEXTURE_COORDINATES":
-            self._read_array(name, count, _natural(arguments[1]), _type(arguments[2]))
+            components, kind = _natural(numbers[0]), _type(numbers[1])
         elif keyword == "SCALARS":
             table, _ = self.line() or ("", "")
             if table.upper() != "LOOKUP_TABLE":
                 raise MeshError("the next line must begin with LOOKUP_TABLE")
-            components = _natural(arguments[2]) if arguments[2:] else 1
-            self._read_array(name, count, components, _type(arguments[1]))
+            components = _natural(numbers[1]) if numbers[1:] else 1
+            kind = _type(numbers[0])
         else:
-            self._read_array(name, count, _COMPONENTS[keyword], _type(arguments[1]))
+            components, kind = _COMPONENTS[keyword], _type(numbers[0])
+        self._read_array(name, self._count, components, kind)
 
     def _read_array(self, name: str, count: int, components: int, kind: str) -> None:
         """Read an array; store it if it contains names written by scikit-fem."""
@@ -337,7 +344,7 @@ def decoded(characters: bytes) -> bytes:
 
 def read_uncompressed(numbers: BinaryNumbers, header: np.dtype) -> bytes:
     """Read bytes preceded by their number."""
-    (count,) = numbers.take(1, header).tolist()
+    count = numbers.take(1, header).item()
     return numbers.take(count, "u1").tobytes()
 
 
@@ -412,15 +419,13 @@ def read_xml(
     for name, array in (item for arrays in of_cells for item in arrays.items()):
         if name.startswith(SKFEM):
             data[name] = file.array(array, n_cells)
-        elif name in widths:
-            width = widths[name]
+        elif width := widths.get(name):
             if array.get("NumberOfComponents", "1") != str(width):
                 raise MeshError(f"{name} must have {width} component(s)")
             data[name] = file.array(array, n_cells * width).reshape(n_cells, width)
-    for part in (*piece.findall("PointData"), *piece.findall("CellData")):
+    parts = *piece.findall("PointData"), *piece.findall("CellData")
+    for part in (*parts, *grid.findall("FieldData")):
         ignored += [name for name in _by_name(part) if name not in data]
-    for part in grid.findall("FieldData"):
-        ignored += _by_name(part)
     return mesh_of(points, cells, data), ignored
 
 

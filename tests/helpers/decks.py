@@ -1,6 +1,8 @@
 """Texts of meshes, fabrics and tools as other programs write them."""
 
+import re
 import struct
+from collections import deque
 
 import meshio
 import numpy as np
@@ -28,6 +30,24 @@ def mesh_deck(folder, *lines):
     return path
 
 
+def keyword_blocks(content):
+    """Keyword, parameters by name, and rows of words of each block of a deck."""
+    lines = re.split(r"\r\n|[\r\n]", content.decode(errors="replace"))
+    lines = deque(x for x in map(str.strip, lines) if x and not x.startswith("**"))
+    while lines:
+        head, rows = lines.popleft(), []
+        while head.endswith(",") and lines:
+            head += lines.popleft()
+        while lines and not lines[0].startswith("*"):
+            rows.append([word.strip() for word in lines.popleft().split(",")])
+        keyword, *parameters = head[1:].split(",")
+        given = {}
+        for parameter in filter(str.strip, parameters):
+            key, _, value = (part.strip() for part in parameter.partition("="))
+            given[key.upper()] = value
+        yield " ".join(keyword.upper().split()), given, rows
+
+
 def sets(quad="S4R", triangle="S3"):
     """Three quadrilaterals and two triangles, with sets of nodes and elements."""
     nodes = "\n".join(f"{i}, {x / 10}, {y / 10}" for i, (x, y) in enumerate(XY, 1))
@@ -52,6 +72,14 @@ def sets(quad="S4R", triangle="S3"):
 *ELSET, ELSET=mixed
 1, 4
 """
+
+
+# Two squares beside one another, also as triangles
+
+
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0.0]])
+QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
+TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
 
 
 def with_lines(path, points, kind, cells, lines):
@@ -107,29 +135,28 @@ FABRIC = """*MATERIAL, NAME=CLOTH
 WEAVE = Fabric(CrimpInterchange(1e4, (0.01, 0.02), 1.0, 1e-3, 1.0), Locking(0.5, 1))
 
 
-def card(**fields):
-    """A line of fixed columns: by name, such as c3_2, the first and how many."""
+def card(*fields):
+    """A line of numbers, at first columns of ten characters; integers take one."""
     line = " " * 100
-    for column, value in fields.items():
-        first, width = (10 * int(n) for n in column.removeprefix("c").split("_"))
-        line = line[:first] + str(value).rjust(width) + line[first + width :]
+    for first, value in fields:
+        end = 10 * (first + 2 - isinstance(value, int))
+        word = str(value).rjust(end - 10 * first)
+        line = line[: 10 * first] + word + line[end:]
     return line.rstrip()
 
 
 LAW58 = [
-    *("/MAT/LAW58/7/1", "cloth", card(c0_2=1e-9)),
-    card(c0_2=1000.0, c2_2=50.0, c4_2=800.0, c8_2=0.01),
-    card(c0_2=0.5, c2_2=5.0, c4_2=45.0),
-    card(c0_2=0.05),
-    card(c0_1=1, c1_1=1, c2_2=0.05, c4_2=0.04),
+    *("/MAT/LAW58/7/1", "cloth", card((0, 1e-9))),
+    card((0, 1000.0), (2, 50.0), (4, 800.0), (8, 0.01)),
+    card((0, 0.5), (2, 5.0), (4, 45.0)),
+    card((0, 0.05)),
+    card((0, 1), (1, 1), (2, 0.05), (4, 0.04)),
 ]
 
 
-def radioss(folder, *lines):
-    """A file of OpenRadioss."""
-    path = folder / "a.rad"
-    path.write_text("\n".join(["#RADIOSS STARTER", *lines, "/END"]))
-    return path
+def radioss(*lines):
+    """Text of OpenRadioss."""
+    return "\n".join(["#RADIOSS STARTER", *lines, "/END"])
 
 
 # A tool as STL

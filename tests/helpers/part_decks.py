@@ -80,127 +80,100 @@ def deck(folder, form, seed, damage=True):
     return made(Path(folder), rng, refused)
 
 
-def _nodes_apart(folder, rng, path, before, nodes, after, include):
+def _with_nodes(folder, rng, name, before, nodes, include, after):
     """Write a deck, with the lines of nodes in an include file or not."""
-    lines = nodes
     if rng.random() < 0.5:
-        name = ["mesh/nodes.inc", "nodes.inc"][rng.integers(0, 2)]
-        (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_text("\n".join([*nodes, ""]))
-        lines = include(name)
+        apart = ["mesh/nodes.inc", "nodes.inc"][rng.integers(0, 2)]
+        (folder / apart).parent.mkdir(exist_ok=True)
+        (folder / apart).write_text("\n".join([*nodes, ""]))
+        nodes = [line.format(apart) for line in include]
     end = ["\n", "\r\n"][rng.integers(0, 2)]
-    path.write_bytes(end.join([*before, *lines, *after, ""]).encode())
-    return path
+    content = end.join([*before, *nodes, *after, ""])
+    (folder / name).write_bytes(content.encode())
+    return folder / name
+
+
+def _row(*words):
+    return ", ".join(map(str, words))
+
+
+def _part_of_abaqus(rng, name, kinds, quadratic):
+    """Patch, lines of its nodes, and of its elements, sets and sections."""
+    one = patch(rng, name, rng.integers(1, 5000, 2).tolist(), quadratic)
+    nodes = [f"{n:7d}, {_row(*x)}" for n, x in _rows(one.nodes)]
+    lines = []
+    for corners, kind in kinds.items():
+        of_kind = [
+            _row(e, *x)
+            for e, x in one.elements.items()
+            if len(x) // (1 + quadratic) == corners
+        ]
+        lines += [f"*Element, type={kind}"] * bool(of_kind) + of_kind
+    lines += ["*Element, type=B31, elset=beams", _row(99999, *list(one.nodes)[:2])]
+    numbers = list(one.elements)
+    cut = int(rng.integers(1, len(numbers) + 1))
+    skin, rest = numbers[:cut], numbers[cut:]
+    lines += ["*Elset, elset=Skin", _row(*skin[:15])]
+    lines += ["*Elset, elset=Skin", _row(*skin[15:])] * (cut > 15)
+    lines += ["*Elset, elset=Rest"] * bool(rest) + [f"{n}," for n in rest]
+    lines += ["** Section: S1", "*Shell Section, elset=Skin, material=CFRP", "0.9, 5"]
+    lines += ["*Shell Section, elset=Rest, material=GFRP", "1.1, 5"] * bool(rest)
+    return one, nodes, lines
+
+
+def _position(rng, one):
+    """Move a patch, in some cases; returns the lines of its instance."""
+    if rng.random() >= 0.7:
+        return []
+    axis = rng.normal(size=3)
+    axis, degrees = axis / np.linalg.norm(axis), float(rng.uniform(-180, 180))
+    through, shift = rng.uniform(-5, 5, 3), rng.uniform(-100, 100, 3)
+    one.turn = Rotation.from_rotvec(np.radians(degrees) * axis).as_matrix()
+    one.shift = through + one.turn @ (shift - through)
+    points = *through.tolist(), *(through + axis).tolist()
+    return [_row(*shift.tolist()), _row(*points, degrees)]
 
 
 def _abaqus(folder, rng, refused):
     quadratic = bool(rng.random() < 0.3)
-    tri, quad = (
-        ("STRI65", "S8R")
-        if quadratic
-        else (("S3R", "S4R"), ("S3", "S4"))[rng.integers(0, 2)]
-    )
+    kinds = ("S3R", "S4R"), ("S3", "S4")
+    tri, quad = ("STRI65", "S8R") if quadratic else kinds[rng.integers(0, 2)]
     assembly = rng.random() < 0.5
-    patches, lines, own = [], ["*HEADING", "a part, with a comma"], []
+    head, step = ["*HEADING", "a part, with a comma"], ["*Step", "*Static", "*End Step"]
+    for name in ("GFRP", "CFRP"):
+        step = [f"*Material, name={name}", "*Elastic", "7e4, 0.3", *step]
+    parts = []
     for k in range(rng.integers(1, 4) if assembly else 1):
-        one = patch(rng, f"Part-{k + 1}", rng.integers(1, 5000, 2).tolist(), quadratic)
-        patches.append(one)
-        nodes = [f"{n:7d}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in _rows(one.nodes)]
-        kinds = {3: tri, 4: quad}
-        mesh = []
-        for corners, kind in kinds.items():
-            rows = [
-                f"{e}, {', '.join(map(str, x))}"
-                for e, x in one.elements.items()
-                if len(x) // (1 + quadratic) == corners
-            ]
-            mesh += [f"*Element, type={kind}"] * bool(rows) + rows
-        solid = [
-            "*Element, type=B31, elset=beams",
-            f"99999, {', '.join(map(str, list(one.nodes)[:2]))}",
-        ]
-        numbers = list(one.elements)
-        cut = int(rng.integers(1, len(numbers) + 1))
-        sets = ["*Elset, elset=Skin", ", ".join(map(str, numbers[:cut][:15]))]
-        sets += ["*Elset, elset=Skin", ", ".join(map(str, numbers[:cut][15:]))] * (
-            cut > 15
-        )
-        if cut < len(numbers):
-            sets += ["*Elset, elset=Rest", *(f"{n}," for n in numbers[cut:])]
-        sections = [
-            "** Section: S1",
-            "*Shell Section, elset=Skin, material=CFRP",
-            "0.9, 5",
-        ]
-        if cut < len(numbers):
-            sections += ["*Shell Section, elset=Rest, material=GFRP", "1.1, 5"]
-        body = (["*Node", *nodes], [*mesh, *solid, *sets, *sections])
-        if not assembly:
-            break
-        if rng.random() < 0.7:
-            axis = rng.normal(size=3)
-            axis, degrees = axis / np.linalg.norm(axis), rng.uniform(-180, 180)
-            through = rng.uniform(-5, 5, 3)
-            shift = rng.uniform(-100, 100, 3)
-            one.turn = Rotation.from_rotvec(np.radians(degrees) * axis).as_matrix()
-            one.shift = through + one.turn @ (shift - through)
-            place = [
-                ", ".join(map(repr, shift.tolist())),
-                ", ".join(
-                    map(
-                        repr,
-                        [*through.tolist(), *(through + axis).tolist(), float(degrees)],
-                    )
-                ),
-            ]
-        else:
-            place = []
-        part, head = f"*Part, name={one.name}", f"*Instance, name={one.name}-1"
-        mesh = [*body[0], *body[1]]
-        within = not place and rng.random() < 0.4  # a mesh made in the assembly
-        lines += [part, *(() if within else mesh), "*End Part"]
-        own += [f"{head}, part={one.name}", *place, *(mesh if within else ())]
-        own.append("*End Instance")
-    materials = [
-        x
-        for m in ("CFRP", "GFRP")
-        for x in (f"*Material, name={m}", "*Elastic", "7e4, 0.3")
-    ]
-    step = [*materials, "*Step", "*Static", "*End Step"]
+        made = _part_of_abaqus(rng, f"Part-{k + 1}", {3: tri, 4: quad}, quadratic)
+        place = _position(rng, made[0]) if assembly else []
+        within = assembly and not place and rng.random() < 0.4  # made in the assembly
+        parts.append((*made, place, within))
+    if not assembly:
+        one, nodes, lines, _, _ = parts[0]
+        one.name = ""
+        after = ["*Ngen"] * refused + [*lines, *step]
+        include = ["*Include, input={}"]
+        before = [*head, "*Node"]
+        if rng.random() < 0.5:
+            before, nodes, include = head, ["*Node", *nodes], ["*Node, input={}"]
+        path = _with_nodes(folder, rng, "part.inp", before, nodes, include, after)
+        return Made(path, [one], "not supported" if refused else "")
+    own = ["*Assembly, name=A"]
+    for one, nodes, lines, place, within in parts:
+        mesh = ["*Node", *nodes, *lines]
+        head += [f"*Part, name={one.name}", *([] if within else mesh), "*End Part"]
+        own += [f"*Instance, name={one.name}-1, part={one.name}", *place]
+        own += [*(mesh if within else []), "*End Instance"]
+    patches = [made[0] for made in parts]
+    name = patches[0].name
+    again = [f"*Instance, name=again, part={name}", "0., 500., 0.", "*End Instance"]
+    own += again * refused
+    own += [f"*Elset, elset=all, instance={name}-1", f"{min(patches[0].elements)},"]
     path = folder / "part.inp"
-    if assembly:
-        name = patches[0].name
-        if refused:
-            own += [
-                f"*Instance, name=again, part={name}",
-                "0., 500., 0.",
-                "*End Instance",
-            ]
-        lines += [
-            "*Assembly, name=A",
-            *own,
-            f"*Elset, elset=all, instance={name}-1",
-            f"{min(patches[0].elements)},",
-            "*End Assembly",
-        ]
-        path.write_text("\n".join([*lines, *step, ""]))
-        for one in patches:
-            one.name = f"{one.name}-1".upper()
-        return Made(path, patches, "instances with different" if refused else "")
-    patches[0].name = ""
-    after = [*body[1], *step]
-    if refused:
-        after.insert(0, "*Ngen")
-    _nodes_apart(
-        folder,
-        rng,
-        path,
-        [*lines, body[0][0]],
-        body[0][1:],
-        after,
-        lambda n: [f"*Include, input={n}"],
-    )
-    return Made(path, patches, "not supported" if refused else "")
+    path.write_text("\n".join([*head, *own, "*End Assembly", *step, ""]))
+    for one in patches:
+        one.name = f"{one.name}-1".upper()
+    return Made(path, patches, "instances with different" if refused else "")
 
 
 def _rows(nodes):
@@ -218,49 +191,33 @@ def _nastran(folder, rng, refused):
     ]
     after = []
     for label, cell in one.elements.items():
-        n = len(cell) // (1 + quadratic)
-        name = {3: "CTRIA", 4: "CQUAD"}[n] + (
-            {3: "6", 4: "8"}[n] if quadratic else str(n)
-        )
-        row = [label, 7, *cell]
+        n, row = len(cell) // (1 + quadratic), [label, 7, *cell]
         if n == 4 and not quadratic and rng.random() < 0.3:
             row += [12.5, 0.25]  # an old angle, and an offset that stays
+        name = {3: "CTRIA3", 4: "CQUAD4", 6: "CTRIA6", 8: "CQUAD8"}[len(cell)]
         after += ["$ a comment"] * (rng.random() < 0.1)
         after += _nastran_card(rng, name, row)
-    first = list(one.nodes)[:2]
-    after += [
-        f"CBAR,99999,8,{first[0]},{first[1]},0.,0.,1.",
-        "PSHELL,7,1,0.9",
-        "MAT1,1,7.+4,,.3",
-    ]
-    after += ["ENDDATA"]
-    path = _nodes_apart(
-        folder,
-        rng,
-        folder / "part.bdf",
-        ["SOL 103", "CEND", "SET 1 = ALL", "BEGIN BULK"],
-        nodes,
-        after,
-        lambda n: [f"INCLUDE '{n}'"],
-    )
+    a, b = list(one.nodes)[:2]
+    after += [f"CBAR,99999,8,{a},{b},0.,0.,1.", "PSHELL,7,1,0.9", "MAT1,1,7.+4,,.3"]
+    before = ["SOL 103", "CEND", "SET 1 = ALL", "BEGIN BULK"]
+    lines = before, nodes, ["INCLUDE '{}'"], [*after, "ENDDATA"]
+    path = _with_nodes(folder, rng, "part.bdf", *lines)
     return Made(path, [one], "the coordinate system 3" if refused else "")
 
 
 def _nastran_card(rng, name, fields):
     """Card in small, large or free field."""
     form = int(rng.integers(0, 3))
-    width = 16 if form == 1 else 8
-    words = [repr(x) if isinstance(x, float) else str(x) for x in fields]
-    if form == 2:
-        rows = [words[k : k + 8] for k in range(0, len(words), 8)]
-        return [",".join([name if not k else "", *row]) for k, row in enumerate(rows)]
-    n = 4 if form else 8
+    words, n = list(map(str, fields)), 4 if form == 1 else 8
     rows = [words[k : k + n] for k in range(0, len(words), n)]
-    mark = "*" if form else ""
+    if form == 2:
+        heads = [name] + [""] * (len(rows) - 1)
+        return [",".join([h, *row]) for h, row in zip(heads, rows, strict=True)]
+    mark, width = ("*", 16) if form else ("", 8)
     heads = [name + mark] + [mark or ["+", ""][rng.integers(0, 2)]] * (len(rows) - 1)
     return [
-        h.ljust(8) + "".join(w.rjust(width) for w in r)
-        for h, r in zip(heads, rows, strict=True)
+        head.ljust(8) + "".join(word.rjust(width) for word in row)
+        for head, row in zip(heads, rows, strict=True)
     ]
 
 
@@ -269,12 +226,13 @@ def _dyna(folder, rng, refused):
     one = patch(rng, "", rng.integers(1, 5000, 2).tolist(), quadratic)
     mark = ["", " %", " +", ","][rng.integers(0, 4)]
     a, b = {"": (8, 16), " %": (10, 16), " +": (20, 20), ",": (0, 0)}[mark]
-    if mark == ",":
-        join = lambda row, _: ", ".join(row)  # noqa: E731
-        mark = ""
-    else:
-        join = lambda row, w: "".join(x.rjust(k) for x, k in zip(row, w, strict=True))  # noqa: E731
-    nodes = [join([str(n), *map(repr, x)], [a, b, b, b]) for n, x in _rows(one.nodes)]
+
+    def card(words, *widths):
+        columns = zip(words, widths, strict=True)
+        return _row(*words) if not a else "".join(f"{x!s:>{n}}" for x, n in columns)
+
+    mark = mark.strip(",")
+    nodes = [card((n, *x), a, b, b, b) for n, x in _rows(one.nodes)]
     option = ["", "_THICKNESS", "_OFFSET", "_BETA"][rng.integers(0, 4)]
     keyword = f"*ELEMENT_SHELL{'_COMPOSITE' if refused else option}{mark}"
     after = [keyword, "$ eid pid nodes"]
@@ -282,64 +240,43 @@ def _dyna(folder, rng, refused):
         n = len(cell) // (1 + quadratic)
         corners, rest = list(cell[:n]), list(cell[n:])
         row = [label, 3, *corners, *corners[-1:] * (4 - n), *rest]
-        after.append(join(list(map(str, row)), [a] * len(row)))
+        after.append(card(row, *[a] * len(row)))
         if option in ("_THICKNESS", "_BETA"):
-            t = ["0.9"] * 4 + ["33."] * (option == "_BETA")
-            after.append(join(t, [b] * len(t)))
-            after += [join(["0.9"] * 4, [b] * 4)] * quadratic
+            t = [0.9] * 4 + [33.0] * (option == "_BETA")
+            after.append(card(t, *[b] * len(t)))
+            after += [card([0.9] * 4, *[b] * 4)] * quadratic
         elif option == "_OFFSET":
-            after.append(join(["0.125"], [b]))
-    first = list(one.nodes)[:2]
-    after += [
-        f"*ELEMENT_BEAM{mark}",
-        join(["99999", "4", *map(str, first)], [a] * 4),
-        "*END",
-    ]
-    path = _nodes_apart(
-        folder,
-        rng,
-        folder / "part.k",
-        ["*KEYWORD", "*TITLE", "a part"],
-        [f"*NODE{mark}", *nodes],
-        after,
-        lambda n: ["*INCLUDE", n],
-    )
+            after.append(card([0.125], b))
+    beam = 99999, 4, *list(one.nodes)[:2]
+    after += [f"*ELEMENT_BEAM{mark}", card(beam, *[a] * 4), "*END"]
+    before = ["*KEYWORD", "*TITLE", "a part"]
+    lines = before, [f"*NODE{mark}", *nodes], ["*INCLUDE", "{}"], after
+    path = _with_nodes(folder, rng, "part.k", *lines)
     return Made(path, [one], "option is not supported" if refused else "")
 
 
 def _radioss(folder, rng, refused):
     one = patch(rng, "", rng.integers(1, 5000, 2).tolist())
-    nodes = ["/NODE"] + [
-        f"{n:>10}" + "".join(f"{v!r:>20}" for v in x) for n, x in _rows(one.nodes)
-    ]
+
+    def card(*numbers):
+        return "".join(f"{n:>10}" for n in numbers)
+
+    nodes = ["/NODE"]
+    for n, x in _rows(one.nodes):
+        nodes.append(card(n) + "".join(f"{v!r:>20}" for v in x))
     after, numbers = [], list(one.elements)
     cut = int(rng.integers(1, len(numbers) + 1))
     for part, own in ((11, numbers[:cut]), (12, numbers[cut:])):
         for n, keyword in ((4, "SHELL"), (3, "SH3N")):
             rows = [e for e in own if len(one.elements[e]) == n]
             after += [f"/{keyword}/{part}"] * bool(rows)
-            after += ["".join(f"{x:>10}" for x in (e, *one.elements[e])) for e in rows]
-        after += [f"/PART/{part}", "skin", "".join(f"{x:>10}" for x in (part + 10, 5))]
-        after += (
-            []
-            if refused
-            else [
-                f"/PROP/SHELL/{part + 10}",
-                "skin",
-                f"{24:>10}",
-                "",
-                f"{5:>10}{'':10}{0.9:>20}",
-            ]
-        )
-    first = list(one.nodes)[:2]
-    after += ["/BEAM/13", "".join(f"{x:>10}" for x in (99999, *first)), "/END"]
-    path = _nodes_apart(
-        folder,
-        rng,
-        folder / "part_0000.rad",
-        ["#RADIOSS STARTER", "/BEGIN", "part"],
-        nodes,
-        after,
-        lambda n: [f"#include {n}"],
-    )
+            after += [card(e, *one.elements[e]) for e in rows]
+        after += [f"/PART/{part}", "skin", card(part + 10, 5)]
+        shell = [f"/PROP/SHELL/{part + 10}", "skin", card(24), ""]
+        shell.append(f"{5:>10}{'':10}{0.9:>20}")
+        after += [] if refused else shell
+    after += ["/BEAM/13", card(99999, *list(one.nodes)[:2]), "/END"]
+    before = ["#RADIOSS STARTER", "/BEGIN", "part"]
+    lines = before, nodes, ["#include {}"], after
+    path = _with_nodes(folder, rng, "part_0000.rad", *lines)
     return Made(path, [one], "is not defined" if refused else "")

@@ -7,6 +7,8 @@ from skfem_textile import io
 
 POINTS = np.array([[0.5, 20.25, -3.0], [1.0, 0.0, 2.5], [1000.5, 7.0, 0.0]])
 
+FIRST = (0, 0), (100, 0)  # ends of a line
+
 
 def table(path, separator=",", header=("x", "y", "z"), mark=".", scale=1.0):
     rows = [[f"{scale * v!r}".replace(".", mark) for v in x] for x in POINTS.tolist()]
@@ -37,11 +39,15 @@ def drawing(units=4):
     return file, file.modelspace()
 
 
+def written(folder, file):
+    file.saveas(folder / "curve.dxf")
+    return folder / "curve.dxf"
+
+
 def test_a_dxf_curve_is_read_in_space_and_in_its_unit(tmp_path):
     file, space = drawing(units=6)
     space.add_polyline3d((POINTS.T / 1000).T.tolist())
-    file.saveas(tmp_path / "curve.dxf")
-    np.testing.assert_allclose(io.read_curve(tmp_path / "curve.dxf"), POINTS.T)
+    np.testing.assert_allclose(io.read_curve(written(tmp_path, file)), POINTS.T)
 
 
 def test_lines_and_arcs_of_a_dxf_that_meet_are_one_curve(tmp_path):
@@ -54,16 +60,9 @@ def test_lines_and_arcs_of_a_dxf_that_meet_are_one_curve(tmp_path):
     space.add_arc((-15, 0), 10, 90, 270)
     space.add_line((-15, 10), (15 - 4e-4, 10))
     space.add_arc((15, 0), 10, -90, 90)
-    file.saveas(tmp_path / "curve.dxf")
-    x, y, _ = io.read_curve(tmp_path / "curve.dxf")
+    x, y, _ = io.read_curve(written(tmp_path, file))
     area = 0.5 * abs(x @ np.roll(y, -1) - np.roll(x, -1) @ y)
     assert area == pytest.approx(600 + np.pi * 100, rel=1e-3)
-
-
-def line_and(space, *more):
-    space.add_line((0, 0), (100, 0))
-    for one in more:
-        space.add_line(*one)
 
 
 @pytest.mark.parametrize(
@@ -77,10 +76,10 @@ def line_and(space, *more):
 def test_curves_that_do_not_continue_one_another_are_refused(tmp_path, others):
     """Apart by far or by 2 µm, and at a branch."""
     file, space = drawing()
-    line_and(space, *others)
-    file.saveas(tmp_path / "curve.dxf")
+    for ends in (FIRST, *others):
+        space.add_line(*ends)
     with pytest.raises(ValueError, match=r"several curves on layer '0' .* each file"):
-        io.read_curve(tmp_path / "curve.dxf")
+        io.read_curve(written(tmp_path, file))
 
 
 def test_what_is_hidden_or_no_line_of_a_dxf_is_ignored_in_one_line(tmp_path, caplog):
@@ -90,8 +89,7 @@ def test_what_is_hidden_or_no_line_of_a_dxf_is_ignored_in_one_line(tmp_path, cap
     space.add_text("text")
     file.blocks.new("ring").add_circle((0, 0), 1)
     space.add_blockref("ring", (2, 0), dxfattribs={"xscale": 3, "yscale": 3})
-    file.saveas(tmp_path / "curve.dxf")
-    x, y, z = io.read_curve(tmp_path / "curve.dxf")
+    x, y, z = io.read_curve(written(tmp_path, file))
     np.testing.assert_allclose(np.hypot(x - 200, y), 300)
     assert not z.any()
     (line,) = caplog.messages
@@ -101,10 +99,9 @@ def test_what_is_hidden_or_no_line_of_a_dxf_is_ignored_in_one_line(tmp_path, cap
 def test_an_unknown_unit_of_a_dxf_is_refused(tmp_path):
     file, space = drawing()
     file.header["$INSUNITS"] = 99
-    line_and(space)
-    file.saveas(tmp_path / "curve.dxf")
+    space.add_line(*FIRST)
     with pytest.raises(ValueError, match=r"the unit 99 of \$INSUNITS is unknown"):
-        io.read_curve(tmp_path / "curve.dxf")
+        io.read_curve(written(tmp_path, file))
 
 
 @pytest.mark.parametrize("content", [b"", b"nothing", b"0\nSECTION\n2\nHEADER\n9"])
@@ -119,9 +116,8 @@ def test_a_damaged_dxf_is_refused_without_words_of_ezdxf(tmp_path, content):
 def test_what_ezdxf_logs_about_a_file_is_omitted(tmp_path, capfd, caplog):
     """A property of a class of the file is taken as the beginning of another one."""
     file, space = drawing()
-    line_and(space)
-    path = tmp_path / "curve.dxf"
-    file.saveas(path)
+    space.add_line(*FIRST)
+    path = written(tmp_path, file)
     lines = path.read_text().splitlines()
     lines[lines.index("ObjectDBX Classes") - 1] = "0"
     path.write_text("\n".join(lines))

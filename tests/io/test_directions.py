@@ -28,12 +28,6 @@ def angle_between(one, other):
     )
 
 
-def read_deck(tmp_path, text):
-    path = tmp_path / "deck.inp"
-    path.write_text(DIRECTIONS + text)
-    return read_directions(path)
-
-
 @pytest.mark.parametrize(
     "mesh", [MESH, MeshTri().refined(1)], ids=["quads", "triangles"]
 )
@@ -96,46 +90,8 @@ def test_angles_alone_in_cell_data_are_read(tmp_path):
     assert angle_between(read_directions(tmp_path / "b.vtu"), GIVEN) < 1e-12
 
 
-def test_the_first_axis_of_an_orientation_is_the_weft_and_the_second_the_warp(tmp_path):
-    read = read_deck(
-        tmp_path, "*ORIENTATION, NAME=A\n1., 1., 0., 0., 1., 0.\n3, 0.\n"
-    ).angles_deg()
-    assert np.allclose(read, [[135, 135], [45, 45]])
-
-
-@pytest.mark.parametrize(
-    ("points", "second", "warp", "weft"),
-    [
-        ("1, 0, 0, 0, 1, 0", "3, 30.", 120, 30),
-        ("1, 0, 0, 0, -1, 0", "3, 30.", -120, -30),  # the third axis points down
-        ("1, 0, 0, 0, 1, 0, 5, 0, 0", "3, 0.", 90, 180),  # the origin is past a
-        ("0, 0, 1, 1, 0, 0", "1, 0.", 90, 0),  # about the first axis, the normal
-        ("1, 0, 0, 0, 0, -1", "2, 0.", 0, 90),  # axes 3 and 1 lie in the plane
-    ],
-)
-def test_axes_depend_on_points_and_rotation(tmp_path, points, second, warp, weft):
-    read = read_deck(tmp_path, f"*ORIENTATION, NAME=A\n{points}\n{second}\n")
-    error = np.array(read.angles_deg()) - [[warp], [weft]]
-    assert np.abs((error + 180) % 360 - 180).max() < 1e-12
-
-
-def test_distributions_have_a_default_sets_and_elements(tmp_path):
-    text = """*DISTRIBUTION TABLE, NAME=T
-angle
-*DISTRIBUTION, NAME=D, LOCATION=ELEMENT, TABLE=T
-, 10.
-LAST, 20.
-*ORIENTATION, NAME=A
-1., 0., 0., 0., 1., 0.
-3, D
-"""
-    assert np.allclose(read_deck(tmp_path, text).angles_deg()[1], [10, 20])
-    text = text.replace("LAST, 20.", "11, 30.")
-    assert np.allclose(read_deck(tmp_path, text).angles_deg()[1], [30, 10])
-
-
-def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_path):
-    text = """*ELSET, ELSET=FIRST
+A = "*ORIENTATION, NAME=A"
+SECTIONS = """*ELSET, ELSET=FIRST
 11,
 *ORIENTATION, NAME=A
 1., 0., 0., 0., 1., 0.
@@ -150,7 +106,39 @@ def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_p
 *SHELL SECTION, ELSET=last, MATERIAL=M, ORIENTATION=b
 1.,
 """
-    assert np.allclose(read_deck(tmp_path, text).angles_deg(), [[90, 90], [0, 45]])
+DISTRIBUTED = f"""*DISTRIBUTION TABLE, NAME=T
+angle
+*DISTRIBUTION, NAME=D, LOCATION=ELEMENT, TABLE=T
+, 10.
+LAST, 20.
+{A}
+1., 0., 0., 0., 1., 0.
+3, D
+"""
+TURNED = DISTRIBUTED.replace("LAST, 20.", "11, 30.")
+
+
+@pytest.mark.parametrize(
+    ("text", "warp", "weft"),
+    [
+        (f"{A}\n1., 1., 0., 0., 1., 0.\n3, 0.\n", 135, 45),  # the weft is the first
+        (f"{A}\n1, 0, 0, 0, 1, 0\n3, 30.\n", 120, 30),
+        (f"{A}\n1, 0, 0, 0, -1, 0\n3, 30.\n", -120, -30),  # the third points down
+        (f"{A}\n1, 0, 0, 0, 1, 0, 5, 0, 0\n3, 0.\n", 90, 180),  # the origin is past a
+        (f"{A}\n0, 0, 1, 1, 0, 0\n1, 0.\n", 90, 0),  # about the first, the normal
+        (f"{A}\n1, 0, 0, 0, 0, -1\n2, 0.\n", 0, 90),  # 3 and 1 lie in the plane
+        (DISTRIBUTED, [100, 110], [10, 20]),  # a default, and a set
+        (TURNED, [120, 100], [30, 10]),  # a default, and an element
+        (SECTIONS, [90, 90], [0, 45]),  # yarns need not be square
+    ],
+)
+def test_orientations_of_abaqus_turn_axes_of_sections_and_elements(
+    tmp_path, text, warp, weft
+):
+    (tmp_path / "deck.inp").write_text(DIRECTIONS + text)
+    read = np.array(read_directions(tmp_path / "deck.inp").angles_deg())
+    error = read - np.stack(np.broadcast_arrays(warp, weft)).reshape(2, -1)
+    assert np.abs((error + 180) % 360 - 180).max() < 1e-12
 
 
 def test_draped_fibres_agree_with_the_deformed_ply(tmp_path):

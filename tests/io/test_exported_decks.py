@@ -5,6 +5,7 @@ import pytest
 
 from skfem_textile import MeshError
 from skfem_textile.io import read_directions, read_fabric, read_mesh, read_surface
+from skfem_textile.io.abaqus import content_of
 from skfem_textile.mesh.selection import named_nodes
 from tests.helpers.decks import CELLS, NODES, PART, PLY, XY
 from tests.helpers.decks import mesh_deck as deck
@@ -59,6 +60,21 @@ def test_nodes_of_several_blocks_and_reference_points(tmp_path, caplog):
     assert caplog.messages == [
         f"{path}: ignored: node 99 (of no element), *NSET 'Ref' (nodes of no element)"
     ]
+
+
+def test_data_lines_and_keywords_in_other_files_are_read(tmp_path):
+    """Relative to the deck; marks of the byte order are skipped."""
+    lines = {"nœuds.txt": NODES, "elements.txt": PLY[1:]}
+    lines["sets.inp"] = ["*Elset, elset=low", "1, 2"]
+    for name, some in lines.items():
+        (tmp_path / name).write_text("\n".join(some), encoding="utf-8-sig")
+    path = deck(tmp_path, "*Node, input=nœuds.txt", PLY[0] + ", INPUT=elements.txt")
+    path.write_text(path.read_text() + "*Include, input=sets.inp", encoding="utf-8-sig")
+    (tmp_path / "case").mkdir()
+    (tmp_path / "case" / "mesh.inp").write_bytes(content_of(path))
+    for mesh in map(read_mesh, (path, tmp_path / "case" / "mesh.inp")):
+        assert np.array_equal(mesh.p.T, XY)
+        assert names(mesh) == {"E1": [0, 1, 2, 3], "low": [0, 1]}
 
 
 def test_sets_of_sets_and_nodes_of_sets_of_elements(tmp_path):

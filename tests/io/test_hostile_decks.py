@@ -2,8 +2,6 @@
 
 import contextlib
 import io
-import re
-from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +10,7 @@ from hypothesis import strategies as st
 from skfem_textile import MeshError
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_directions, read_fabric, write_fabric
+from tests.helpers.decks import card, keyword_blocks
 from tests.helpers.hostile import (
     RIGHT,
     Family,
@@ -118,16 +117,6 @@ def radioss(rng):
     return "\n".join([*lines, "/END", ""]).encode()
 
 
-def card(*fields):
-    """A line of numbers, at first columns of ten characters; integers take one."""
-    line = " " * 100
-    for first, value in fields:
-        end = 10 * (first + 2 - isinstance(value, int))
-        word = str(value).rjust(end - 10 * first)
-        line = line[: 10 * first] + word + line[end:]
-    return line.rstrip()
-
-
 @st.composite
 def decks(draw, write):
     seed = draw(seeds)
@@ -192,13 +181,12 @@ def read(path):
 def check_loading_data(cloth, content):
     """Check that every point of the loading data is on its law."""
     points, component = {}, ""
-    for keyword, parameters, lines in keyword_blocks(content):
+    for keyword, parameters, rows in keyword_blocks(content):
         if keyword == "UNIAXIAL":
             component = parameters.get("COMPONENT", "").upper()
         elif keyword == "LOADING DATA":
-            rows = [line.split(b",") for line in lines]
-            rows = [(float(row[1]), float(row[0])) for row in rows]
-            points.setdefault(component, []).extend(rows)
+            values = [(float(row[1]), float(row[0])) for row in rows]
+            points.setdefault(component, []).extend(values)
     laws = dict(zip(("2", "1", "SHEAR"), cloth.laws, strict=True))
     for component, rows in points.items():
         strain, stress = np.array(rows).T
@@ -212,36 +200,12 @@ def check_loading_data(cloth, content):
         expect_close(component, (inner.value(x) - expected) / scale, 0.0, 1.0)
 
 
-def keyword_blocks(content):
-    """Keyword, parameters by name, and lines of data of each block of a file."""
-    lines = [line.strip() for line in re.split(rb"\r\n|[\r\n]", content)]
-    lines = deque(line for line in lines if line and not line.startswith(b"**"))
-    while lines:
-        head, data = lines.popleft(), []
-        while head.endswith(b",") and lines:
-            head += lines.popleft()
-        while lines and not lines[0].startswith(b"*"):
-            data.append(lines.popleft())
-        keyword, *parameters = head[1:].decode(errors="replace").split(",")
-        arguments = {}
-        for parameter in filter(str.strip, parameters):
-            key, _, value = (part.strip() for part in parameter.partition("="))
-            arguments[key.upper()] = value
-        yield " ".join(keyword.upper().split()), arguments, data
-
-
 def first_axes(content):
     """First local axes in the plane, of the only distribution; shape (2, n).
 
     None where the orientation rotates about another axis, or by an additional angle.
     """
-    rows = {
-        keyword: [
-            [word.strip().decode(errors="replace") for word in x.split(b",")]
-            for x in lines
-        ]
-        for keyword, _, lines in keyword_blocks(content)
-    }
+    rows = {keyword: rows for keyword, _, rows in keyword_blocks(content)}
     point, second = rows["ORIENTATION"][0], rows["ORIENTATION"][1:2]
     table = [word.upper() for row in rows["DISTRIBUTION TABLE"] for word in row if word]
     if table == ["ANGLE"]:

@@ -6,17 +6,14 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from skfem import MeshQuad, MeshTri
 
 from skfem_textile import MeshError
 from skfem_textile.io import read_mesh
 from skfem_textile.io.file_numbers import BinaryNumbers
 from skfem_textile.io.vtk import decoded, read_uncompressed
+from tests.helpers.decks import POINTS, QUADS
 
 MESHES = Path(__file__).parent / "meshes"
-
-POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0.0]])
-QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
 
 
 def changed(folder, name, old, new):
@@ -49,15 +46,6 @@ def test_entities_without_a_group_are_read_beside_grouped_ones(tmp_path):
 def test_entities_in_a_group_with_reversed_orientation_belong_to_it(tmp_path):
     path = changed(tmp_path, "quads41.msh", b"1 5 4 2 3 4 -7", b"1 -5 4 2 3 4 -7")
     assert len(read_mesh(path).subdomains["ply"]) == 8
-
-
-@pytest.mark.parametrize("capitals", [str.lower, str.upper])
-def test_abaqus_keywords_are_case_insensitive(tmp_path, capitals):
-    path = tmp_path / "m.inp"
-    path.write_text(capitals((MESHES / "quads.inp").read_text()))
-    mesh = read_mesh(path)
-    assert mesh.nelements == 8
-    assert len(mesh.boundaries[capitals("bottom")]) == 4
 
 
 def written(folder, name, **how):
@@ -107,24 +95,3 @@ def test_legacy_files_of_vtk_are_read_or_rejected(tmp_path, version, binary):
     ):
         path.write_bytes(content.replace(old, new, 1))
         refused(path, "m.vtk: ")
-
-
-def test_boundaries_of_oriented_triangles_agree_with_scikit_fem(tmp_path):
-    """Edges are counted in the order of the file, which may descend."""
-    plain = MeshTri().refined(1).oriented()
-    inner = np.setdiff1d(np.arange(plain.nfacets), plain.boundary_facets())
-    plain = plain.with_boundaries({"a:b": inner[:3]})
-    plain.save(str(tmp_path / "m.vtu"))
-    mesh = read_mesh(tmp_path / "m.vtu")
-    read, expected = (
-        np.sort(m.facets[:, np.sort(m.boundaries["a:b"])], axis=0)
-        for m in (mesh, plain)
-    )
-    np.testing.assert_array_equal(read, expected)
-
-
-def test_legacy_files_of_vtk_keep_names_by_scikit_fem(tmp_path):
-    MeshQuad().refined(1).with_defaults().save(str(tmp_path / "m.vtk"))
-    assert set(read_mesh(tmp_path / "m.vtk").boundaries) == {
-        *("left", "right", "bottom", "top")
-    }

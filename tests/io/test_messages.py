@@ -2,6 +2,7 @@
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
 
 import meshio
@@ -23,13 +24,10 @@ from skfem_textile.io import (
 )
 from tests.helpers import decks
 from tests.helpers.command_line import rejected
-from tests.helpers.decks import LAW58, PART, card, mesh_deck
+from tests.helpers.decks import LAW58, PART, POINTS, QUADS, TRIANGLES, card, mesh_deck
 
 MESHES = Path(__file__).parent / "meshes"
 
-POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0.0]])
-QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
-TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
 CELLS = {"quad": QUADS, "triangle": TRIANGLES}
 
 
@@ -82,14 +80,11 @@ CHANGED = {
         ("*Heading", "1, 2\n*Heading", "not begin with an Abaqus keyword"),
     ],
     "sets.inp": [
-        ("*HEADING", "*NODE\n9, 3, 3", "node number 9 is used twice"),
         ("*HEADING", "*NODE\n10, 3, 3, 0\n*HEADING", "same number of coordinates"),
-        ("*HEADING", "*IMPERFECTION, FILE=a", r"\*IMPERFECTION: this keyword is not"),
-        ("*HEADING", "*INCLUDE, INPUT=/a", r"\*INCLUDE: this keyword is not supported"),
+        ("*HEADING", "*INCLUDE, INPUT=/a", "'/a', which sets.inp includes, does not"),
         ("NSET=all", "SYSTEM=C", "'SYSTEM' is not supported: list plain numbers"),
         ("NSET=point\n5", "NSET=point\nrows", "'point': the set 'ROWS' is not defined"),
         ("NSET=point", "NSET=point, ELSET=upper", "nodes with ELSET= has no data line"),
-        ("NSET=point\n5", "NSET=point\n-5", "'point': the set '-5' is not defined"),
         ("NSET=point\n5", "NSET=point\n55", "'point': node 55 is used, but not defin"),
         ("4, 6, 1", "1, 999999999999, 1", "'row': this set has no members, or more m"),
         ("4, 6, 1", "4", "GENERATE requires lines"),
@@ -97,7 +92,6 @@ CHANGED = {
         ("NSET=point", 'NSET="all"', "two sets 'all': use unique names"),
         ("2, 3, 6, 5", "2, 3, 6, 77", "node 77 is used, but not defined"),
         ("2, 1.0, 0.0", "2, nan, 0.0", r"1 node.*not finite: 1"),
-        ("2, 1.0, 0.0", "2, inf, 0.0", r"1 node.*not finite: 1"),
         ("S4R", "C3D\x1b8", r"C3D\\x1b8"),
     ],
     "text.vtu": [
@@ -204,6 +198,39 @@ TABLE = "*DISTRIBUTION TABLE, NAME=T\nANGLE\n*DISTRIBUTION, NAME=D, LOCATION=ELE
 NO_UNIT = "both decimal points and commas"
 NOT_NAMED = "must name the columns x, y and z"
 
+UNCLEAR = [
+    ({}, "specify the thickness"),
+    ({"thickness": 0.0}, "positive"),
+    ({"thickness": 0.3, "units": "lb in"}, "units"),
+    ({"thickness": 0.3, "material": "SILK"}, "SILK"),
+]
+THICK = {"thickness": 1.0}
+RADIOSS = [
+    ([], {}, "no /MAT/LAW58"),
+    (LAW58, {}, "specify the thickness"),
+    (LAW58[:4], THICK, "2 lines follow the title, but at least 5"),
+    ([*LAW58[:3], "1O00", *LAW58[4:]], THICK, "E1: '1O00'"),
+    ([*LAW58[:3], card((0, "-5")), *LAW58[4:]], THICK, "stiffness"),
+    ([*LAW58, card((0, 9))], THICK, "no /FUNCT/9"),
+    ([*LAW58[:6], card((0, 3))], THICK, "N1 = 3"),
+    ([*LAW58, *LAW58], THICK, "several"),
+    (LAW58, {"thickness": 1.0, "material": "8"}, "number 8"),
+]
+BINARY, ASCII = (
+    decks.binary_solid(decks.X, decks.T),
+    decks.ascii_solid(decks.X, decks.T),
+)
+STL = [
+    (b"", "neither an ASCII STL file nor a binary one"),
+    (b"nothing", "neither an ASCII STL file nor a binary one"),
+    (BINARY[:-7], "as many triangles as its header declares"),
+    (BINARY + b"more", "as many triangles as its header declares"),
+    (ASCII[:-2000], "ends early or is damaged"),
+    (ASCII.replace(b"vertex -1.0", b"vertex -1,0", 1), "number"),
+    (b"solid empty\nendsolid\n", "contains no triangles"),
+    (ASCII.replace(b"e+00", b"e+99", 1), "far from all others"),
+]
+
 CONTENTS = [
     *(
         (read_directions, "deck.inp", decks.DIRECTIONS + text, message)
@@ -247,19 +274,31 @@ CONTENTS = [
         (read_fabric, "fabric.json", text, r"fabric\.json: ")
         for text in ("", "[]", "[" * 100_000, "{", '{"a": NaN}', "\xff")
     ),
+    *((partial(read_fabric, **more), "a.inp", decks.FABRIC, m) for more, m in UNCLEAR),
+    *(
+        (partial(read_fabric, **more), "a.rad", decks.radioss(*lines), message)
+        for lines, more, message in RADIOSS
+    ),
+    *((read_surface, "tool.stl", content, message) for content, message in STL),
+    *(
+        (read_surface, f"tool.{suffix}", "", r"exact surfaces: convert it .*gmsh")
+        for suffix in ("step", "STP", "igs")
+    ),
 ]
 
 
-@pytest.mark.parametrize(("read", "name", "text", "message"), CONTENTS)
-def test_a_file_that_cannot_be_read_is_refused(tmp_path, read, name, text, message):
-    (tmp_path / name).write_text(text, encoding="utf-8")
+@pytest.mark.parametrize(
+    ("read", "name", "content", "message"), CONTENTS, ids=range(len(CONTENTS))
+)
+def test_a_file_that_cannot_be_read_is_refused(tmp_path, read, name, content, message):
+    content = content.encode() if isinstance(content, str) else content
+    (tmp_path / name).write_bytes(content)
     refused(tmp_path / name, message, read)
 
 
 CURVES = [
     ("# exported\nx,y,z\n1.5,2,3\n", NOT_NAMED),
     ("# 1,2,3\n4,5,6\n7,8,9\n", NOT_NAMED),
-    ("# 1 2 3\n4 5 6\n7 8 9\n", NOT_NAMED),
     ("x,y\n1,2\n", NOT_NAMED),
     ("x (ft),y,z\n1,2,3\n", "the unit must be one of mm, cm, m, in, got 'ft'"),
     ("x;y;z\n1,5;2.5;0\n", NO_UNIT),
@@ -398,42 +437,6 @@ def test_a_file_without_a_fabric_is_refused(tmp_path, change, message):
     refused(path, message, read_fabric)
 
 
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ({}, "specify the thickness"),
-        ({"thickness": 0.0}, "positive"),
-        ({"thickness": 0.3, "units": "lb in"}, "units"),
-        ({"thickness": 0.3, "material": "SILK"}, "SILK"),
-    ],
-)
-def test_an_ambiguous_fabric_is_refused(tmp_path, more, message):
-    (tmp_path / "a.inp").write_text(decks.FABRIC)
-    with pytest.raises(MeshError, match=message):
-        read_fabric(tmp_path / "a.inp", **more)
-
-
-THICK = {"thickness": 1.0}
-RADIOSS = [
-    ([], {}, "no /MAT/LAW58"),
-    (LAW58, {}, "specify the thickness"),
-    (LAW58[:4], THICK, "2 lines follow the title, but at least 5"),
-    ([*LAW58[:3], "1O00", *LAW58[4:]], THICK, "E1: '1O00'"),
-    ([*LAW58[:3], card(c0_2="-5"), *LAW58[4:]], THICK, "stiffness"),
-    ([*LAW58, card(c0_1=9)], THICK, "no /FUNCT/9"),
-    ([*LAW58[:6], card(c0_1=3)], THICK, "N1 = 3"),
-    ([*LAW58, *LAW58], THICK, "several"),
-    (LAW58, {"thickness": 1.0, "material": "8"}, "number 8"),
-]
-
-
-@pytest.mark.parametrize(("lines", "more", "message"), RADIOSS)
-def test_an_unreadable_law58_is_refused(tmp_path, lines, more, message):
-    with pytest.raises(MeshError, match=message) as refusal:
-        read_fabric(decks.radioss(tmp_path, *lines), **more)
-    assert str(refusal.value).isprintable()
-
-
 class Own(Linear):
     """A law without a file format."""
 
@@ -477,9 +480,7 @@ FOREIGN = [
     ("a.rad", b"/NODE\n", UNKNOWN.format(".rad files")),
     ("a", b"solid\n", UNKNOWN.format("files without suffix")),
     ("a.off", b"OFF\n8 6 0\n\xf6", DAMAGED.format(".off")),
-    ("a.off", b"OFF\n8 6 0\n1 2 3\n", DAMAGED.format(".off")),
     ("a.bdf", b"", DAMAGED.format(".bdf")),
-    ("a.mesh", b"\x87", DAMAGED.format(".mesh")),
     ("a.ugrid", b"1 2", DAMAGED.format(".ugrid")),
     ("a.vol", b"mesh3d\nsurfaceelements\n2\n1 2 3\n", DAMAGED.format(".vol")),
     ("a.xdmf", b"<Xdmf>", DAMAGED.format(".xdmf")),
@@ -531,35 +532,6 @@ def test_a_missing_h5py_is_named(tmp_path, name, read, monkeypatch):
     refused(tmp_path / name, f"this .{name[2:]} file requires h5py", read)
 
 
-@pytest.mark.parametrize("suffix", ["step", "STP", "igs"])
-def test_exact_surfaces_are_to_be_converted(tmp_path, suffix):
-    refused(
-        tmp_path / f"tool.{suffix}", r"exact surfaces: convert it .*gmsh", read_surface
-    )
-
-
 def test_an_unknown_unit_is_refused(tmp_path):
     with pytest.raises(ValueError, match="must be one of mm, cm, m, in, got 'ft'"):
         read_surface(tmp_path / "tool.stl", unit="ft")
-
-
-BINARY, ASCII = (
-    decks.binary_solid(decks.X, decks.T),
-    decks.ascii_solid(decks.X, decks.T),
-)
-STL = [
-    (b"", "neither an ASCII STL file nor a binary one"),
-    (b"nothing", "neither an ASCII STL file nor a binary one"),
-    (BINARY[:-7], "as many triangles as its header declares"),
-    (BINARY + b"more", "as many triangles as its header declares"),
-    (ASCII[:-2000], "ends early or is damaged"),
-    (ASCII.replace(b"vertex -1.0", b"vertex -1,0", 1), "number"),
-    (b"solid empty\nendsolid\n", "contains no triangles"),
-    (ASCII.replace(b"e+00", b"e+99", 1), "far from all others"),
-]
-
-
-@pytest.mark.parametrize(("content", "message"), STL, ids=range(len(STL)))
-def test_damaged_stl_files_are_refused(tmp_path, content, message):
-    (tmp_path / "tool.stl").write_bytes(content)
-    refused(tmp_path / "tool.stl", message, read_surface)

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from skfem_textile import MeshError, drape
 from skfem_textile.io import read_part_deck, write_part_deck
 from skfem_textile.io.layups import LAYERS
+from tests.helpers.decks import keyword_blocks
 from tests.helpers.hostile import (
     RIGHT,
     Family,
@@ -78,53 +79,39 @@ def turned(corners, axis, degrees):
 # Readers of the copies: by instance and number, warp, weft and thickness
 
 
-def inp_blocks(path):
-    """Keyword, parameters and rows of an Abaqus deck with its include files."""
+def whole(path):
+    """Lines of an Abaqus deck with its include files."""
     for line in path.read_text().splitlines():
-        if line.lower().startswith("*include"):
-            name = re.search("(?i)input=(.*)", line)[1].strip()
-            yield from inp_blocks(path.parent / name)
-        elif line.startswith("*") and not line.startswith("**"):
-            keyword, *words = (x.strip() for x in line[1:].split(","))
-            pairs = (x.partition("=") for x in words)
-            yield keyword.upper(), {k.strip().upper(): v.strip() for k, _, v in pairs}
-        elif line.strip() and not line.startswith("**"):
-            yield [x.strip() for x in line.split(",") if x.strip() or line[0] == ","]
+        found = re.match(r"\*include.*input=(.*)", line, re.I)
+        yield from whole(path.parent / found[1].strip()) if found else [line]
 
 
 def of_inp(made, path):
-    scope, data, tables, sets, layups, part = {}, None, {}, {}, [], ""
+    tables, sets, layups, part = {}, {}, [], ""
     patches = {p.name.upper().removesuffix("-1"): p for p in made.patches}
-    for item in inp_blocks(path):
-        if isinstance(item, tuple):
-            keyword, given = item
-            if keyword in ("PART", "INSTANCE"):
-                part = given.get("PART", given["NAME"]).upper()
-            elif keyword in ("END PART", "END INSTANCE"):
-                part = ""
-            assert keyword != "DISTRIBUTION TABLE" or not part  # of the model
-            name = given.get("ELSET", given.get("NAME", "")).upper()
-            data = []
-            if keyword == "DISTRIBUTION":
-                tables[part, name] = data
-            elif keyword == "ELSET":
-                data = sets.setdefault((part, name), [])
-            elif keyword.endswith("SECTION"):
-                layups.append((part, name, given, data))
-            elif keyword == "ORIENTATION":
-                scope[part, name] = data
-        else:
-            data.append(item)
+    for keyword, given, rows in keyword_blocks("\n".join(whole(path)).encode()):
+        if keyword in ("PART", "INSTANCE"):
+            part = given.get("PART", given["NAME"]).upper()
+        elif keyword in ("END PART", "END INSTANCE"):
+            part = ""
+        assert keyword != "DISTRIBUTION TABLE" or not part  # of the model
+        name = given.get("ELSET", given.get("NAME", "")).upper()
+        if keyword in ("DISTRIBUTION", "ORIENTATION"):
+            tables[part, keyword, name] = rows
+        elif keyword == "ELSET":
+            sets.setdefault((part, name), []).extend(rows)
+        elif keyword.endswith("SECTION"):
+            layups.append((part, name, given, rows))
     found, assigned = {}, Counter()
     for part, name, given, layers in layups:
-        numbers = [int(n) for row in sets[part, name] for n in row]
+        numbers = [int(n) for row in sets[part, name] for n in row if n]
         assigned.update((part, n) for n in set(numbers))
         if "COMPOSITE" not in given:
             continue
         assert [row[4].split("_")[0] for row in layers] == [x for x, _ in LAYERS]
-        axes = scope[part, given["ORIENTATION"]][0][0]
+        axes = tables[part, "ORIENTATION", given["ORIENTATION"]][0][0]
         rows = {
-            key: {row[0]: [*map(float, row[1:])] for row in tables[part, key]}
+            key: {x[0]: [*map(float, x[1:])] for x in tables[part, "DISTRIBUTION", key]}
             for key in (axes, *(row[0] for row in layers), layers[1][3])
         }
         for number in numbers:
@@ -351,13 +338,13 @@ def test_the_layers_of_a_ply_bend_and_stretch_as_a_homogeneous_sheet():
 
 XY = [(0, 0), (10, 0), (10, 10), (0, 10), (20, 0), (20, 10)]
 NODES = ["*Node", *(f"{i}, {x}., {y}., 0." for i, (x, y) in enumerate(XY, 1))]
-QUADS = ["*Element, type=S4R, elset=Skin", "11, 1, 2, 3, 4", "7, 2, 5, 6, 3"]
-SECTION = ["*Shell Section, elset=Skin, material=CFRP, offset=SPOS", "0.9"]
+QUADS = ["*Element, type=S4R, elset=Häut", "11, 1, 2, 3, 4", "7, 2, 5, 6, 3"]
+SECTION = ["*Shell Section, elset=Häut, material=CFRP, offset=SPOS", "0.9"]
 
 
 def written_deck(folder, *lines, name="a.inp"):
     path = folder / name
-    path.write_text("\n".join([*lines, ""]))
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
     return path
 
 
@@ -375,7 +362,7 @@ def test_elements_without_fibres_keep_their_section(tmp_path, caplog):
     path = written_deck(tmp_path, *NODES, *QUADS, *SECTION, "*Step", "*Static")
     read = read_part_deck(path)
     assert read.labels.tolist() == [11, 7]
-    assert read.sets["Skin"].tolist() == [0, 1]
+    assert read.sets["Häut"].tolist() == [0, 1]
     fibres = straight(read.mesh, [False, True])
     files = write_part_deck(tmp_path / "out", read, fibres, 0.4)
     assert [file.name for file in files] == ["a.inp", "a_fibres.inp", "a_fibres.vtu"]
@@ -390,18 +377,31 @@ def test_elements_without_fibres_keep_their_section(tmp_path, caplog):
     caplog.clear()
     write_part_deck(tmp_path / "out", read, fibres, 0.4)
     assert lines[lines.index("*ELSET, ELSET=NOT_COVERED") + 1] == "11"
-    at = lines.index("*ELSET, ELSET=NOT_COVERED_Skin")
+    at = lines.index("*ELSET, ELSET=NOT_COVERED_Häut")
     assert lines[at : at + 4] == [
-        *("*ELSET, ELSET=NOT_COVERED_Skin", "11"),
-        *("*SHELL SECTION, ELSET=NOT_COVERED_Skin, MATERIAL=CFRP, OFFSET=SPOS", "0.9"),
+        *("*ELSET, ELSET=NOT_COVERED_Häut", "11"),
+        *("*SHELL SECTION, ELSET=NOT_COVERED_Häut, MATERIAL=CFRP, OFFSET=SPOS", "0.9"),
     ]
     section = next(line for line in lines if "COMPOSITE" in line)
     assert section.endswith("ELSET=FIBRES, ORIENTATION=FIBRE, OFFSET=SPOS")
     assert caplog.messages == [
-        f"{path}: *SHELL SECTION of Skin is commented out for 1 element(s) with "
+        f"{path}: *SHELL SECTION of Häut is commented out for 1 element(s) with "
         "fibres; layers have its material CFRP",
         f"{path}: the ply does not cover element(s) 11",
     ]
+
+
+def test_a_material_of_layers_keeps_letters_that_are_not_utf_8(tmp_path):
+    section = ["*Shell Section, elset=Häut, composite", "0.9, 3, CFRP"]
+    path = written_deck(tmp_path, *NODES, *QUADS, *section)
+    path.write_bytes(path.read_bytes().replace(b"CFRP", "Träger".encode("latin-1")))
+    read = read_part_deck(path)
+    fibres = straight(read.mesh, [False, True])
+    files = write_part_deck(tmp_path / "out", read, fibres, 0.4, calculix=True)
+    for at in (1, 2):
+        lines = files[at].read_bytes().split(b"\n")
+        named = [x for x in lines if b"Tr\xe4ger" in x and x[:2] != b"**"]
+        assert len(named) == 5  # four layers, and the elements without fibres
 
 
 def test_thickness_of_each_element_may_be_given(tmp_path):
@@ -455,19 +455,53 @@ def test_continuum_shells_are_read_by_their_middle_and_degenerate_ones_as_triang
     assert float(second[0]) == pytest.approx(LAYERS[0][1])  # relative
 
 
-def test_files_outside_of_the_folder_are_copied_next_to_the_deck(tmp_path):
-    home = tmp_path / "home"
+@pytest.mark.parametrize(
+    ("form", "before", "include", "mark"),
+    [
+        ("inp", [], ["*Include, input={}"], ""),
+        ("inp", [], ['*NODE, nset=all, INPUT="{}"'], ""),
+        ("inp", ["*NODE, nset=all,"], ["INPUT={}"], ""),
+        ("inp", ["\ufeff*Heading"], ["*Include, input={}"], "\ufeff"),
+        ("k", ["\ufeff*KEYWORD"], ["*INCLUDE", "{}"], "\ufeff*NODE\n"),
+    ],
+)
+@pytest.mark.parametrize("name", ["nodes.inc", "nœuds_ü.inc"])
+def test_files_outside_of_the_folder_are_copied_next_to_the_deck(
+    tmp_path, form, before, include, mark, name
+):
+    """With the data lines of a keyword too, byte order marks, and names in UTF-8."""
+    home, out = tmp_path / "home", tmp_path / "out"
     home.mkdir()
-    (tmp_path / "nodes.inc").write_text("\n".join([*NODES, ""]))
-    path = written_deck(home, "*Include, input=../nodes.inc", *QUADS)
+    with_data_lines = "INPUT" in include[0]
+    nodes = NODES[1:] if with_data_lines or form == "k" else NODES
+    written_deck(tmp_path, *[mark + nodes[0], *nodes[1:]], name=name)
+    shells = QUADS if form == "inp" else ["*ELEMENT_SHELL", "11,1,1,2,3,4", "*END"]
+    lines = [x.format(f"../{name}") for x in include]
+    path = written_deck(home, *before, *lines, *shells, name=f"a.{form}")
     read = read_part_deck(path)
-    out = tmp_path / "out"
-    files = write_part_deck(out, read, straight(read.mesh), 0.4, "M")
-    assert files[0].read_text().startswith("*Include, input=nodes.inc\n")
-    assert (out / "nodes.inc").read_text() == (tmp_path / "nodes.inc").read_text()
+    given = "M" if form == "inp" else None
+    files = write_part_deck(out, read, straight(read.mesh), 0.4, given)
+    head = "\n".join([*before, *(x.format(name) for x in include), ""])
+    assert files[0].read_text(encoding="utf-8").startswith(head)
+    assert (out / name).read_bytes() == (tmp_path / name).read_bytes()
+    again = read_part_deck(files[0])
+    np.testing.assert_array_equal(again.mesh.points, read.mesh.points)
 
 
 # Other decks
+
+TRIANGLE = ["GRID,1,,0.,0.,0.", "GRID,2,,1.,0.,0.", "GRID,3,,0.,1.,0."]
+
+
+def test_a_remark_states_by_how_much_the_weft_is_skewed(tmp_path, caplog):
+    """From a tenth of a degree on."""
+    deck = written_deck(tmp_path, *TRIANGLE, "CTRIA3,9,1,1,2,3", name="a.bdf")
+    read = read_part_deck(deck)
+    fibres = straight(read.mesh)
+    for degrees in (0.0, 0.1):
+        fibres.warp[:2, 0] = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        write_part_deck(tmp_path / "out", read, fibres, 0.4)
+    assert [line[-23:] for line in caplog.messages] == ["90° to it by up to 0.1°"]
 
 
 def test_numbers_of_nastran_have_exponents_without_letters(tmp_path):
@@ -510,39 +544,32 @@ def test_angles_of_lsdyna_with_invariant_node_numbering(tmp_path, inn):
 
 # Refused decks and arguments
 
-TRIANGLE = ["GRID,1,,0.,0.,0.", "GRID,2,,1.,0.,0.", "GRID,3,,0.,1.,0."]
-REFUSED = {
-    r"a\.txt: a deck of a part must be a \.inp": ("a.txt", ["1"]),
-    r"a\.inp: .*'b\.inp', which a\.inp includes, does not": (
-        *("a.inp", ["*Include, input=b.inp"]),
-    ),
-    r"a\.inp: the file .*a\.inp includes itself": ("a.inp", ["*Include, input=a.inp"]),
-    r"a\.inp: the deck contains no shells": ("a.inp", NODES),
-    r"a\.inp: \*NGEN: this keyword is not sup": ("a.inp", [*NODES, "*Ngen", "1, 2"]),
-    r"a\.inp: node 6 of element 7 is not": ("a.inp", [*NODES[:-1], *QUADS]),
-    r"a\.inp: element number 11 is used twice": ("a.inp", [*NODES, *QUADS, *QUADS]),
-    r"a\.inp: \*INSTANCE: the part 'Q' is not": (
-        *("a.inp", ["*Instance, name=q, part=Q"]),
-    ),
-    r"a\.bdf: element 9 has no area": (
-        "a.bdf",
-        [*TRIANGLE[:2], "GRID,3,,2.,0.,0.", "CTRIA3,9,1,1,2,3"],
-    ),
-    r"a\.bdf: GRID 3: it is in the coordinate system 4, which no": (
-        *("a.bdf", ["GRID,3,4,0.,0.,0.", "CTRIA3,9,1,1,2,3"]),
-    ),
-    r"a\.k: \*INCLUDE_PATH is not": ("a.k", ["*KEYWORD", "*INCLUDE_PATH", "b"]),
-    r"a\.k: the file does not begin with": ("a.k", ["1"]),
-    r"a\.rad: /TRANSFORM/TRA/1: nodes are moved": ("a.rad", ["/TRANSFORM/TRA/1"]),
-}
+FLAT = [*TRIANGLE[:2], "GRID,3,,2.,0.,0."]
+REFUSED = [
+    ("a.txt", ["1"], r"decks of parts can be read only from \.inp"),
+    ("a.inp", ["*Include, input=b"], r"'b', which a\.inp includes, does not"),
+    ("a.inp", ["*Include, input=a.inp"], r"the file .*a\.inp includes itself"),
+    ("a.inp", NODES, "the deck contains no shells"),
+    ("a.inp", [*NODES, "*Ngen", "1, 2"], r"\*NGEN: this keyword is not sup"),
+    ("a.inp", [*NODES[:-1], *QUADS], "node 6 of element 7 is not"),
+    ("a.inp", [*NODES, *QUADS, *QUADS], "element number 11 is used twice"),
+    ("a.inp", ["*Instance, name=q, part=Q"], r"\*INSTANCE: the part 'Q' is not"),
+    ("a.bdf", [*FLAT, "CTRIA3,9,1,1,2,3"], "element 9 has no area"),
+    ("a.bdf", ["GRID,3,4,0.,0.,0."], "GRID 3: it is in the coordinate system 4"),
+    ("a.k", ["*KEYWORD", "*INCLUDE_PATH", "b"], r"\*INCLUDE_PATH is not"),
+    ("a.k", ["1"], "the file does not begin with"),
+    ("a.rad", ["/TRANSFORM/TRA/1"], "/TRANSFORM/TRA/1: nodes are moved"),
+]
 
 
-@pytest.mark.parametrize("message", REFUSED)
-def test_a_deck_that_cannot_be_read_is_refused_in_one_line(tmp_path, message):
-    name, lines = REFUSED[message]
+@pytest.mark.parametrize(("name", "lines", "message"), REFUSED)
+def test_a_deck_that_cannot_be_read_is_refused_in_one_line(
+    tmp_path, name, lines, message
+):
     path = written_deck(tmp_path, *lines, name=name)
     with pytest.raises(MeshError, match=message) as caught:
         read_part_deck(path)
+    assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
 
 

@@ -13,7 +13,7 @@ from skfem_textile.io import write_pattern
 from skfem_textile.io.results import write_tools
 from skfem_textile.nets.flat_pattern import SeamLine
 
-OUTLINE = np.array([[0.0, 40.0, 40.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
+OUTLINE = np.array([[10.0, 50.0, 50.0, 10.0], [0.0, 0.0, 30.0, 30.0]])
 ON_TOOL = np.vstack([OUTLINE[::-1], np.arange(4.0)])
 WARP = np.tile([[0.8], [0.6]], 4)
 WEFT = np.tile([[0.0], [2.0]], 4)
@@ -41,12 +41,12 @@ def test_a_drawing_has_the_outline_seams_and_axes_at_full_size(tmp_path):
     """Axes are a quarter of the smaller extent long; y points upwards."""
     write_pattern(tmp_path / "a.svg", PATTERN)
     text = (tmp_path / "a.svg").read_text(encoding="utf-8")
-    assert 'width="44mm" height="34mm" viewBox="-2 -32 44 34"' in text
-    assert '<polygon points="0,-0 40,-0 40,-30 0,-30"' in text
+    assert 'width="44mm" height="34mm" viewBox="8 -32 44 34"' in text
+    assert '<polygon points="10,-0 50,-0 50,-30 10,-30"' in text
     assert '<polyline points="5,-7 9,-7 9,-10"' in text
     assert '<text x="9" y="-7" font-size="1.2"' in text
     ends = re.findall(r'<line x1="(\S+)" y1="(\S+)" x2="(\S+)" y2="(\S+)"', text)
-    expected = [[20, -15, 26, -19.5], [20, -15, 20, -22.5]]
+    expected = [[30, -15, 36, -19.5], [30, -15, 30, -22.5]]
     np.testing.assert_allclose(np.array(ends, dtype=float), expected)
 
 

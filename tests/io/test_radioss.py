@@ -5,11 +5,15 @@ import pytest
 
 from skfem_textile.fabric import Softening
 from skfem_textile.io import read_fabric
-from tests.helpers.decks import LAW58, card
-from tests.helpers.decks import radioss as rad
+from tests.helpers.decks import LAW58, card, radioss
 
-FUNCTION = ["/FUNCT/3", "f", card(c0_2=0, c2_2=0), card(c0_2=0.1, c2_2=9.0)]
-TURN = ["/FUNCT/4", "g", card(c0_2=0, c2_2=0), card(c0_2=60, c2_2=1.2)]
+FUNCTION = ["/FUNCT/3", "f", card((0, 0.0), (2, 0.0)), card((0, 0.1), (2, 9.0))]
+TURN = ["/FUNCT/4", "g", card((0, 0.0), (2, 0.0)), card((0, 60.0), (2, 1.2))]
+
+
+def rad(folder, *lines):
+    (folder / "a.rad").write_text(radioss(*lines))
+    return folder / "a.rad"
 
 
 def test_law58_is_a_cell_of_crimped_yarns(tmp_path):
@@ -27,7 +31,7 @@ def test_law58_is_a_cell_of_crimped_yarns(tmp_path):
 
 
 def test_law58_takes_functions_of_its_yarns_and_of_shear(tmp_path):
-    lines = [*LAW58, card(c0_1=3, c2_2=2.0), "", card(c0_1=4)]
+    lines = [*LAW58, card((0, 3), (2, 2.0)), "", card((0, 4))]
     read = read_fabric(rad(tmp_path, *lines, *FUNCTION, *TURN), thickness=0.2)
     yarn = read.fabric.tensions.yarns[0]
     assert yarn.value(np.array([0.05]))[0] == pytest.approx(0.2 * 2.0 * 4.5)
@@ -37,10 +41,10 @@ def test_law58_takes_functions_of_its_yarns_and_of_shear(tmp_path):
 
 def test_law158_couples_logarithmic_springs(tmp_path):
     lines = [
-        *("/MAT/FABR_NL/2", "cloth", card(c0_2=1e-9)),
-        card(c0_2=0.05, c2_2=0.04, c4_2=3.0, c6_2=4.0),
-        card(c0_2=0.0),
-        *(card(c0_1=3), card(c0_1=3, c2_2=2.0), card(c0_1=4)),
+        *("/MAT/FABR_NL/2", "cloth", card((0, 1e-9))),
+        card((0, 0.05), (2, 0.04), (4, 3.0), (6, 4.0)),
+        card((0, 0.0)),
+        *(card((0, 3)), card((0, 3), (2, 2.0)), card((0, 4))),
     ]
     read = read_fabric(rad(tmp_path, *lines, *FUNCTION, *TURN), 0.5)
     assert any("Fscale" in sentence for sentence in read.ignored)
@@ -51,15 +55,15 @@ def test_law158_couples_logarithmic_springs(tmp_path):
 
 def test_flexions_and_the_tangent_have_defaults(tmp_path):
     """A flexion alone holds for both families; the crimp is 0.1; GT is (E1 + E2)/4."""
-    cards = [*LAW58[:3], card(c0_2=1000.0, c4_2=800.0), card(c0_2=0.5, c4_2=45.0)]
+    cards = [*LAW58[:3], card((0, 1000.0), (4, 800.0)), card((0, 0.5), (4, 45.0))]
     for given, springs in (
-        ({}, (0.001, 0.001)),
-        ({"c6_2": 0.2}, (0.2, 0.2)),
-        ({"c8_2": 0.3}, (0.3, 0.3)),
-        ({"c6_2": 0.2, "c8_2": 0.3}, (0.2, 0.3)),
+        ([], (0.001, 0.001)),
+        ([(6, 0.2)], (0.2, 0.2)),
+        ([(8, 0.3)], (0.3, 0.3)),
+        ([(6, 0.2), (8, 0.3)], (0.2, 0.3)),
     ):
-        last = card(c0_1=1, c1_1=1, c4_2=0.04, **given)
-        lines = [*cards, card(c0_2=0.05), last]
+        last = card((0, 1), (1, 1), (4, 0.04), *given)
+        lines = [*cards, card((0, 0.05)), last]
         cloth = read_fabric(rad(tmp_path, *lines), thickness=0.2).fabric
         sines = np.sin(np.arccos(1 / (1 + np.array([0.1, 0.04]))))
         expected = np.array(springs) * [200.0, 160.0] * sines

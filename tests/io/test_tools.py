@@ -1,6 +1,7 @@
 """Tools from files: formats, several solids and files, units, damage."""
 
 import tomllib
+import zipfile
 from contextlib import nullcontext
 
 import numpy as np
@@ -23,30 +24,32 @@ def same_surface(surface, atol=1e-4):
     np.testing.assert_allclose(centres, np.sort(X[:, T].mean(axis=1)), atol=atol)
 
 
+def stl(folder, content, name="tool.stl"):
+    (folder / name).write_bytes(content)
+    return folder / name
+
+
 # Formats
 
 
 @pytest.mark.parametrize("solid", [ascii_solid, binary_solid])
 @pytest.mark.parametrize("solids", [1, 2])
 def test_all_solids_of_an_stl_file_are_sewn(tmp_path, solid, solids):
-    file = tmp_path / "tool.STL"
     parts = [T] if solids == 1 else [T[:, LEFT], T[:, ~LEFT]]
-    file.write_bytes(b"".join(solid(X, part) for part in parts))
-    same_surface(read_surface(file))
+    content = b"".join(solid(X, part) for part in parts)
+    same_surface(read_surface(stl(tmp_path, content, "tool.STL")))
 
 
 def test_a_binary_file_may_begin_with_the_word_solid(tmp_path):
-    file = tmp_path / "tool.stl"
-    file.write_bytes(binary_solid(X, T, b"solid made by CAD"))
-    same_surface(read_surface(file))
+    content = binary_solid(X, T, b"solid made by CAD")
+    same_surface(read_surface(stl(tmp_path, content)))
 
 
 def test_several_files_are_sewn(tmp_path, caplog):
-    files = tmp_path / "left.stl", tmp_path / "right.stl"
     shifted = X + np.array([[0], [0], [1e-3]])
-    files[0].write_bytes(binary_solid(X, T[:, LEFT]))
-    files[1].write_bytes(ascii_solid(shifted, T[:, ~LEFT]))
-    same_surface(read_surface(files), 1.1e-3)
+    left = stl(tmp_path, binary_solid(X, T[:, LEFT]), "left.stl")
+    right = stl(tmp_path, ascii_solid(shifted, T[:, ~LEFT]), "right.stl")
+    same_surface(read_surface([left, right]), 1.1e-3)
     (line,) = caplog.messages
     assert "left.stl" in line
     seam = np.intersect1d(T[:, LEFT], T[:, ~LEFT]).size
@@ -80,8 +83,7 @@ def test_quadrilaterals_of_an_obj_file_are_cut(tmp_path):
     ("unit", "scale"), [("m", 1e-3), ("cm", 0.1), ("in", 1 / 25.4)]
 )
 def test_a_unit_scales_the_tool(tmp_path, caplog, unit, scale):
-    file = tmp_path / "tool.stl"
-    file.write_bytes(ascii_solid(scale * X, T))
+    file = stl(tmp_path, ascii_solid(scale * X, T))
     same_surface(read_surface(file, unit=unit))
     assert not caplog.messages
 
@@ -89,24 +91,13 @@ def test_a_unit_scales_the_tool(tmp_path, caplog, unit, scale):
 def test_the_unit_of_a_3mf_file_is_used(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     file = tmp_path / "tool.3mf"
-    mesh = trimesh.Trimesh(X.T / 25.4, T.T, process=False)
-    mesh.units = "inch"
-    mesh.export(file)
-    data = _replaced(file, b'unit="millimeter"', b'unit="inch"')
-    file.write_bytes(data)
+    trimesh.Trimesh(X.T / 25.4, T.T, process=False).export(file)
+    with zipfile.ZipFile(file) as read:
+        parts = {name: read.read(name) for name in read.namelist()}
+    with zipfile.ZipFile(file, "w") as write:
+        for name, part in parts.items():
+            write.writestr(name, part.replace(b'"millimeter"', b'"inch"'))
     same_surface(read_surface(file))
-
-
-def _replaced(file, old, new):
-    """Content of a zip archive with text replaced in its files."""
-    import io
-    import zipfile
-
-    written = io.BytesIO()
-    with zipfile.ZipFile(file) as read, zipfile.ZipFile(written, "w") as write:
-        for name in read.namelist():
-            write.writestr(name, read.read(name).replace(old, new))
-    return written.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -123,8 +114,7 @@ def _replaced(file, old, new):
 def test_an_extent_that_indicates_another_unit_is_reported(
     tmp_path, caplog, scale, advice
 ):
-    file = tmp_path / "tool.stl"
-    file.write_bytes(ascii_solid(scale * X, T))
+    file = stl(tmp_path, ascii_solid(scale * X, T))
     read_surface(file)
     assert [advice in line for line in caplog.messages] == ([True] if advice else [])
     assert all("assumed in mm" in line for line in caplog.messages)
@@ -133,9 +123,7 @@ def test_an_extent_that_indicates_another_unit_is_reported(
 
 
 def test_an_extent_beyond_tools_is_reported_with_a_given_unit_too(tmp_path, caplog):
-    file = tmp_path / "tool.stl"
-    file.write_bytes(ascii_solid(X, T))
-    read_surface(file, unit="m")
+    read_surface(stl(tmp_path, ascii_solid(X, T)), unit="m")
     assert [line.endswith("check its unit") for line in caplog.messages] == [True]
 
 
@@ -146,10 +134,8 @@ def test_an_extent_beyond_tools_is_reported_with_a_given_unit_too(tmp_path, capl
 def test_a_run_on_two_files_in_metres_is_repeated_from_its_case(tmp_path, caplog):
     x, t = plate(200.0, 200.0, 25.0)
     left = x[0, t].mean(axis=0) < 0
-    files = []
-    for name, part in (("a.stl", t[:, left]), ("b.stl", t[:, ~left])):
-        files.append(tmp_path / name)
-        files[-1].write_bytes(binary_solid(x / 1000, part))
+    parts = {"a.stl": t[:, left], "b.stl": t[:, ~left]}
+    files = [stl(tmp_path, binary_solid(x / 1000, t), n) for n, t in parts.items()]
     out = tmp_path / "out"
     words = ["run", "drape", "--tool", *map(str, files), "--unit", "m", *SMALL]
     words += ["--width", "80", "--height", "80", "--size", "2x2"]
