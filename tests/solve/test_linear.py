@@ -531,4 +531,4 @@ def test_options_apply_to_mumps():
         assert solver.factorise(lower.data).definite
     finally:
         petsc.Options().delValue(option)
-    assert solver.ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == 200
+    assert solver._analysed.ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == 200
