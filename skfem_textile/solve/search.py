@@ -3,7 +3,6 @@
 import contextlib
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..ply.parameters import Frozen, PlyParameters
 from . import active_set
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
-from .linear import ChosenSolver
+from .linear import solver_named
 from .newton import LESS_ROUNDING, METHODS, SETTLED, Damped, Method
 from .problem import HOLD, Evaluation, Problem, Tangent, balanced
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
@@ -364,7 +363,7 @@ def equilibrium_near(
         If a condition or a name is not valid.
     """
     constraints = Constraints(ply.basis, conditions)
-    problem = Problem(ply, constraints, partial(ChosenSolver, solver)).at(load_factor)
+    problem = Problem(ply, constraints, solver_named(solver)).at(load_factor)
     with np.errstate(all="ignore"):  # what is not finite is caught
         start = problem.evaluation(u, parameters or ply.parameters_at_rest)
     search = EquilibriumSearch(
@@ -387,7 +386,7 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
     if not np.isfinite(u).all():
         raise ValueError("u must be finite, one displacement in mm for each unknown")
     constraints = Constraints(ply.basis, conditions)
-    problem = Problem(ply, constraints, partial(ChosenSolver, "auto")).at(1.0)
+    problem = Problem(ply, constraints, solver_named("auto")).at(1.0)
     at_rest, tangent = ply.parameters_at_rest, None
     p = ply.updated(at_rest, u)
     f = problem.residual(u, p)

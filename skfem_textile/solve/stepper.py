@@ -4,6 +4,7 @@ import logging
 import os
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from datetime import timedelta
 from functools import cached_property, partial
 from time import perf_counter
@@ -26,7 +27,7 @@ from .continuation import (
     path_warning,
     surface_predictor,
 )
-from .linear import ChosenSolver, check_solver
+from .linear import solver_named
 from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
@@ -147,24 +148,18 @@ class LoadStepper:
     ) -> None:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
         _check_arguments(ply, steps, max_halvings, warn_only, callbacks)
-        check_solver(solver)
+        chosen = solver_named(solver)
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
-        self.problem = problem = Problem(
-            ply, constraints, partial(ChosenSolver, solver)
-        )
+        self.problem = problem = Problem(ply, constraints, chosen)
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         self.initial_guess = _checked_guess(initial_guess, ply)
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
         problem.moves = moved or bool(contacts)
         for check in dict.fromkeys(type(tool).check for tool in contacts):
             check(ply, moved)
-        self.search = EquilibriumSearch(
-            self.problem,
-            method_of(method),
-            frozenset(warn_only),
-            self._report,
-        )
+        solver_and_checks = method_of(method), frozenset(warn_only)
+        self.search = EquilibriumSearch(problem, *solver_and_checks, self._report)
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
         # Settings, besides the problem, on which the states depend.
@@ -175,7 +170,11 @@ class LoadStepper:
             "warn_only": sorted(warn_only),
             "initial_guess": initial_guess is not None,
         }
-        self.checkpoint = _checkpoint(checkpoint, self.problem, settings)
+        self.checkpoint: Checkpoint | None = None
+        if checkpoint:
+            from . import checkpoint as checkpoints
+
+            self.checkpoint = checkpoints.Checkpoint(checkpoint, problem, settings)
         self.interval = partial(_interval, self.problem, conditions)
         self._run = Run(self)
 
@@ -424,10 +423,8 @@ class Run:
         with np.errstate(all="ignore"):  # non-finite values are detected
             guess = problem.evaluation(u, problem.ply.parameters_at_rest)
             if not problem.in_domain(u, guess.parameters):
-                end = problem.ply.closest_end(u)
-                raise NoEquilibriumError(
-                    f"the initial guess is outside the domain of a law: {end}",
-                    end.elements if end else (),
+                raise problem.beyond(
+                    *(u, "the initial guess is outside the domain of a law"),
                     "a law with a larger domain",
                 )
         before = problem.clock.solves
@@ -519,17 +516,6 @@ class Run:
             stepper.on_step(state)
 
 
-def _checkpoint(
-    folder: str | os.PathLike[str] | None, problem: Problem, settings: dict[str, Any]
-) -> "Checkpoint | None":
-    """See `Checkpoint`; None without a folder."""
-    if not folder:
-        return None
-    from .checkpoint import Checkpoint
-
-    return Checkpoint(folder, problem, settings)
-
-
 def _interval(
     problem: Problem, conditions: Conditions, solver: str, state: State
 ) -> "ErrorInterval":
@@ -549,16 +535,8 @@ def _check_arguments(
     """Refuse invalid arguments of `LoadStepper`."""
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
-    if not _is_whole(steps, 1, _MOST_STEPS):
-        raise ValueError(
-            f"steps must be a whole number from 1 to {_MOST_STEPS}, got "
-            f"{shortened(steps)}"
-        )
-    if not _is_whole(max_halvings, 0, _MOST_HALVINGS):
-        raise ValueError(
-            f"max_halvings must be a whole number from 0 to {_MOST_HALVINGS}, got "
-            f"{shortened(max_halvings)}"
-        )
+    _refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
+    _refuse_unless_whole("max_halvings", max_halvings, 0, _MOST_HALVINGS)
     known = ", ".join(CHECKS)
     # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
@@ -586,8 +564,10 @@ def _checked_guess(guess: Any, ply: Ply) -> ndarray | None:
     return u
 
 
-def _is_whole(number: Any, least: int, most: int) -> bool:
-    try:
-        return least <= int(number) == number <= most
-    except (TypeError, ValueError, OverflowError):
-        return False
+def _refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
+    with suppress(TypeError, ValueError, OverflowError):
+        if least <= int(number) == number <= most:
+            return
+    raise ValueError(
+        f"{name} must be a whole number from {least} to {most}, got {shortened(number)}"
+    )
