@@ -227,20 +227,6 @@ def test_a_load_is_not_an_internal_part():
     assert energies[0] == energies[1]
 
 
-def test_a_resumed_run_has_the_same_shares(tmp_path):
-    this = case(bias_extension, "macro", 4)
-    whole = this.stepper(tmp_path / "a").run()
-    again = this.stepper(tmp_path / "a").run(resume=True)
-    assert [s.shares for s in again.states] == [s.shares for s in whole.states]
-    assert whole.states[-1].shares["work"]["deviation"] > 0
-    rows = whole.history()
-    assert (
-        rows[-1]["work_share_of_deviation"]
-        == (whole.states[-1].shares["work"]["deviation"])
-    )
-    assert "top_reaction_share_of_stabilisation" in rows[0]
-
-
 def held_at_a_node(refinements):
     """A ply of macro-elements on a torus, with two nodes fixed along it."""
     tool, c, s = drape.Torus(120.0, 50.0, (0, 0, -170), (0, 1, 0)), 0.956, 0.292
