@@ -364,7 +364,9 @@ def test_an_indefinite_matrix_is_not_measured_and_the_next_one_is(two):
     solver, lower = unfactorised(LARGE)
     assert not solver.factorise(-lower.data).definite
     assert solver.choice == ("slow", "fastest known of the installed ones")
-    assert solver.factorise(lower.data).definite
+    factors, b = solver.factorise(lower.data), np.arange(LARGE)
+    assert factors.definite
+    np.testing.assert_array_equal(factors.solve(b), b)
     assert solver.choice.name == "fast"
 
 

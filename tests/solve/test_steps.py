@@ -57,7 +57,8 @@ def test_an_invalid_intermediate_value_ends_the_run_and_keeps_its_states():
     def value(X, t):
         return 0.5 * t + (np.nan if t == 0.75 else 0.0) * X[0]
 
-    with pytest.raises(StepError, match=r"not finite at load factor 0\.75") as error:
+    words = r"mm\): condition 'pull': the value is not finite at load factor 0\.75$"
+    with pytest.raises(StepError, match=words) as error:
         LoadStepper(*pulled(value), 2, method=ShortSteps()).run()
     assert error.value.result.states[-1].load_factor == 0.5
 
