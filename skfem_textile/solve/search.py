@@ -113,7 +113,7 @@ class EquilibriumSearch:
     report: Callable[[Iteration], None]
 
     def __post_init__(self) -> None:
-        if self.problem and self.problem.contacts and not self.method.follows_path:
+        if self.problem.contacts and not self.method.follows_path:
             raise ValueError(
                 f"the method {self.method.name!r} does not find the nodes that touch "
                 "tools: use the method 'newton'"
@@ -198,6 +198,17 @@ class EquilibriumSearch:
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
 
+    def driven(
+        self,
+        problem: Problem,
+        u: ndarray,
+        parameters: PlyParameters,
+        energies: dict[str, float],
+    ) -> bool:
+        """True if the load path is followed and growing loads drive the ply."""
+        state = u, parameters, energies
+        return self.method.follows_path and loads_drive(problem, *state, problem.moves)
+
     def _first(self, target: Target) -> AcceptedEquilibrium:
         """Equilibrium, with the initial parameters, that passes all checks.
 
@@ -213,10 +224,8 @@ class EquilibriumSearch:
                     lambda *done: self.report(Iteration(t, step, method.name, *done)),
                 )
                 trial = Trial.of(problem, equilibrium, before)
-                driven = method.follows_path and loads_drive(
-                    *(problem, equilibrium.u, equilibrium.parameters),
-                    *(trial.energies, problem.moves),
-                )
+                u, _, p, *_ = equilibrium
+                driven = self.driven(problem, u, p, trial.energies)
                 trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:
             at_rest = not t and failure.advice not in (LESS_ROUNDING, HOLD)

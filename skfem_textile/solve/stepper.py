@@ -22,7 +22,6 @@ from .continuation import (
     Continuation,
     balanced_at_rest,
     load_growth,
-    loads_drive,
     moves,
     path_warning,
     surface_predictor,
@@ -32,7 +31,7 @@ from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
 from .result import UNCHANGING, Result, StepError
-from .search import EquilibriumSearch, Target, method_of
+from .search import AcceptedEquilibrium, EquilibriumSearch, Target, method_of
 from .states import (
     CheckpointError,
     Equilibrium,
@@ -406,15 +405,13 @@ class Run:
                 log.warning(UNCHANGING)
             return
         self.states = [state]  # until the ply is in equilibrium
-        equilibrium = self._search.at_rest(problem.evaluation(u, p, tangent), values)
-        state = equilibrium.trial.state(problem.clock.solves)
-        easy = (
-            equilibrium.projected <= MOST_PROJECTED and self._search.method.follows_path
-        )
-        if not easy or not equilibrium.converged or self._depends_on_steps(state):
+        found = self._search.at_rest(problem.evaluation(u, p, tangent), values)
+        state, settled = self._reached(found)
+        easy = found.projected <= MOST_PROJECTED and self._search.method.follows_path
+        if not (easy and settled):
             self.continuation.mark(0.0)
         self.states = []
-        self._append(state, equilibrium.trial)
+        self._append(state, found.trial)
 
     def _reach(self, u: ndarray) -> None:
         """Find the equilibrium at the load factor 1 near a displacement."""
@@ -427,10 +424,9 @@ class Run:
                     *(u, "the initial guess is outside the domain of a law"),
                     "a law with a larger domain",
                 )
-        before = problem.clock.solves
         found = self._search(Target(1.0, 1.0, values, guess, None))
-        state = found.trial.state(problem.clock.solves - before)
-        if not found.converged or self._depends_on_steps(state):
+        state, settled = self._reached(found)
+        if not settled:
             self.continuation.mark(1.0)
         self._append(state, found.trial)
 
@@ -439,11 +435,8 @@ class Run:
         last, start, problem = self.states[-1], self._start, self.problem
         t = self.continuation.end(last.load_factor, t_end)
         step = t - last.load_factor
-        driven = self._search.method.follows_path and loads_drive(
-            problem.at(start.load_factor),
-            *(start.u, start.parameters, start.energies),
-            problem.moves,
-        )
+        evaluated = start.u, start.parameters, start.energies
+        driven = self._search.driven(problem.at(start.load_factor), *evaluated)
         try:
             values = problem.constraints.fixed_values(t)
             # The factors of loads are user functions.
@@ -460,9 +453,7 @@ class Run:
             growth = load_growth(problem, last, t) if loaded else 0.0
             self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
-        before = sum(state.linear_solves for state in self.states)
-        state = found.trial.state(problem.clock.solves - before)
-        settled = found.converged and not self._depends_on_steps(state)
+        state, settled = self._reached(found)
         projected = found.projected
         if driven and self._jumps(state):
             projected = MOST_PROJECTED + 1
@@ -475,6 +466,12 @@ class Run:
                 "the step to load factor %g was difficult and is repeated as two steps",
                 t,
             )
+
+    def _reached(self, found: AcceptedEquilibrium) -> tuple[State, bool]:
+        """The state, and whether it is independent of the number of steps."""
+        before = sum(state.linear_solves for state in self.states)
+        state = found.trial.state(self.problem.clock.solves - before)
+        return state, found.converged and not self._depends_on_steps(state)
 
     def _jumps(self, state: State) -> bool:
         """True if the shear angle changes so much that a step may pass a limit load."""
