@@ -24,7 +24,6 @@ from skfem_textile import (
     OnePoint,
     PlainNewton,
     Ply,
-    Quadratic,
     StepError,
     split,
 )
@@ -220,6 +219,7 @@ def rising(direction, value=0.1):
     return Case(lambda s: s.lift("top", value, direction), None, lifted)
 
 
+LIFT, SAME = Condition("top", 0.1, UP), Condition("top", -0.1, (0, -2))
 SOUND_CONDITIONS = {
     "numbers twice": on(lambda s: [*s.top, *s.top]),
     "short numbers": on(lambda s: s.top.astype(np.uint8)),
@@ -230,15 +230,7 @@ SOUND_CONDITIONS = {
     "a number each": rising(UP, [0.1] * 4),
     "what is one number": rising(UP, lambda X, t: 0.1 * t),
     "twice the same": Case(
-        lambda s: s.run(
-            {
-                "clamp": s.clamp,
-                "c": Condition("top", 0.1, UP),
-                "d": Condition("top", -0.1, (0, -2)),
-            }
-        ),
-        None,
-        lifted,
+        lambda s: s.run({"clamp": s.clamp, "c": LIFT, "d": SAME}), None, lifted
     ),
     "all nodes": Case(
         lambda s: s.run(
@@ -367,9 +359,6 @@ FABRICS = {
 
 
 PLIES = {
-    "a formulation in a word": Case(
-        lambda s: Ply(s.mesh, s.fabric, "full"), "ormulation"
-    ),
     "a formulation's class": Case(
         lambda s: Ply(s.mesh, s.fabric, OnePoint), "ormulation"
     ),
@@ -381,9 +370,6 @@ PLIES = {
     "macro-elements that were refined": Case(
         lambda s: Ply(split(s.mesh).refined(), s.fabric, Macro()), "split"
     ),
-    "quadratic triangles of what was split": Case(
-        lambda s: Ply(split(s.mesh).refined(), s.fabric, Quadratic()), "split"
-    ),
 }
 
 # Pattern of the message, and values of a setting.
@@ -391,30 +377,18 @@ SETTINGS: tuple[tuple[str, str, tuple[Any, ...]], ...] = (
     (
         "steps must be a whole number from 1 to 1000000, got",
         "steps",
-        (0, 1.5, "3", None, NAN, INF, 10**22, 1_000_001, 1e300, [2], 2 + 1j),
+        (0, 1.5, "3", None, NAN, INF, 1_000_001, 1e300, [2], 2 + 1j),
     ),
-    (
-        "max_halvings must be a whole number from 0 to 30, got",
-        "max_halvings",
-        (-1, 31),
-    ),
+    ("max_halvings must be a whole number from 0 to 30, got", "max_halvings", (-1, 31)),
     ("unknown method .*: choose one of newton, plain", "method", ("magic",)),
-    (
-        "method must be a nonlinear solver or its name, not",
-        "method",
-        (["newton"], PlainNewton),
-    ),
+    ("method must be a nonlinear solver or its", "method", (["newton"], PlainNewton)),
     ("maximum number of iterations must be at least 1", "method", (PlainNewton(0),)),
     ("unknown check .*choose one of", "warn_only", (["magic"], [[]])),
     ("warn_only must be a list of checks", "warn_only", ("work", None)),
     ("unknown solver .*: choose one of auto, cholmod", "solver", ("magic", ["auto"])),
     ("on_step must be a function, not 3", "on_step", (3,)),
     ("on_iteration must be a function, not 'print'", "on_iteration", ("print",)),
-    (
-        "checkpoint (must be the path of a folder|.* is not a valid path)",
-        "checkpoint",
-        (3, "a\0b"),
-    ),
+    ("checkpoint (must be the path of|.* is not a valid)", "checkpoint", (3, "a\0b")),
 )
 
 

@@ -14,7 +14,8 @@ import pytest
 from skfem_textile import CheckpointError
 from skfem_textile.solve import checksummed
 from skfem_textile.solve.checksummed import Lock
-from tests.helpers.sheared_runs import interrupted, read_npz, stepper
+from tests.helpers.sheared_runs import read_npz, stepper
+from tests.helpers.strip_runs import interrupted
 
 # Damaged checkpoints: rejected in one line
 
@@ -23,7 +24,9 @@ from tests.helpers.sheared_runs import interrupted, read_npz, stepper
 def folders(made, tmp_path_factory):
     """Two interrupted runs of the same problem, and one of another."""
     top = tmp_path_factory.mktemp("checkpoints")
-    return made, interrupted(top / "again"), interrupted(top / "other", pull=0.25)
+    interrupted(0.6, stepper, top / "again")
+    interrupted(0.6, stepper, top / "other", pull=0.25)
+    return made, top / "again", top / "other"
 
 
 def refusal(folder):

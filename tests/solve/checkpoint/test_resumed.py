@@ -27,7 +27,7 @@ from skfem_textile import (
 from skfem_textile.cli import main as cli
 from tests import helpers
 from tests.helpers import Coupled, distorted, extended_runs, full_disk, refused
-from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole_run
+from tests.helpers.strip_runs import assert_same, interrupted, stepper, whole_run
 
 
 def test_a_resumed_run_gives_the_same_result_to_the_last_bit(half):
@@ -52,7 +52,7 @@ def in_another_process(tmp_path_factory):
     """States and histories by name of the formulation."""
     folder = tmp_path_factory.mktemp("another process")
     for name in extended_runs.FORMULATIONS:
-        extended_runs.interrupted(name, folder / name)
+        interrupted(0.5, extended_runs.stepper, name, folder / name)
     environment = os.environ | {"PYTHONPATH": str(Path(helpers.__file__).parents[2])}
     command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(folder)]
     subprocess.run(command, env=environment, check=True, timeout=300)
@@ -80,7 +80,8 @@ def test_a_resumed_run_continues_with_its_step_length(tmp_path):
     options = {"steps": 1, "method": Newton(most=1)}
     whole_run = stepper(None, **options).run()
     assert whole_run.steps_cut > 0
-    interrupted_at(tmp_path / "c", whole_run.states[1].load_factor, **options)
+    first = whole_run.states[1].load_factor
+    interrupted(first, stepper, tmp_path / "c", **options)
     assert_same(stepper(tmp_path / "c", **options).run(resume=True), whole_run)
 
 
@@ -317,7 +318,7 @@ def test_a_run_killed_while_it_replaces_another_is_resumable(done, monkeypatch, 
 def test_the_next_run_removes_unfinished_files_of_a_killed_one(tmp_path, resume):
     folder = tmp_path / "c"
     if resume:
-        interrupted_at(folder, 0.5)
+        interrupted(0.5, stepper, folder)
     folder.mkdir(exist_ok=True)
     for name in (".run.npz", ".state_000009.npz", "own.npz"):
         (folder / name).write_bytes(b"half a fi")
