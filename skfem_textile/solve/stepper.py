@@ -157,8 +157,9 @@ class LoadStepper:
         problem.moves = moved or bool(contacts)
         for check in dict.fromkeys(type(tool).check for tool in contacts):
             check(ply, moved)
-        solver_and_checks = method_of(method), frozenset(warn_only)
-        self.search = EquilibriumSearch(problem, *solver_and_checks, self._report)
+        self.search = EquilibriumSearch(
+            problem, method_of(method), frozenset(warn_only), self._report
+        )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
         # Settings, besides the problem, on which the states depend.
@@ -353,8 +354,7 @@ class Run:
     def _resume(self) -> bool:
         """Start from the end of the checkpoint; False if it contains no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        if checkpoint is None:
-            return False
+        assert checkpoint  # `LoadStepper.run` requires it
         from .checkpoint import Replay
 
         replay = Replay(problem, self._stepper.initial_guess is not None)

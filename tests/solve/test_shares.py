@@ -186,27 +186,6 @@ def test_the_artificial_share_of_a_homogeneous_state_is_zero(caplog, name):
     assert largest(result, "top_reaction") < 0.1
 
 
-def test_the_artificial_share_of_stretched_fibres_is_zero(caplog):
-    """The rollers have no force at all."""
-    mesh = split(MeshQuad().refined(2).with_defaults())
-    conditions = {
-        "bottom": Condition("bottom", 0.0, (0, 1)),
-        "left": Condition("left", 0.0, (1, 0)),
-        "top": Condition("top", 0.01, (0, 1)),
-    }
-    ply = Ply(mesh, Fabric(1e4), Macro())
-    result = LoadStepper(ply, conditions, 2).run()
-    assert not reported(caplog)
-    assert result.states[-1].reactions["top"][1] > 90
-    for of in result.states[-1].shares:
-        assert largest(result, of) < 1e-6
-
-
-def test_the_artificial_share_at_rest_is_zero():
-    rest = case(trellis, "macro", 4).run().states[0]
-    assert {x for by_role in rest.shares.values() for x in by_role.values()} == {0.0}
-
-
 def test_reactions_due_to_stabilisation_are_reported(caplog):
     """One corner of a square is moved along the other family, which is soft."""
     mesh = MeshQuad().with_defaults()
