@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from weakref import ref
@@ -497,13 +498,28 @@ def test_inertia_and_solution_do_not_depend_on_the_unit_of_force(name, seed, uni
     assert np.abs(A @ factors.solve(b) - b).max() <= 1e-9 * np.abs(b).max()
 
 
-def test_options_apply_to_mumps():
-    petsc, lower = pytest.importorskip("petsc4py.PETSc"), identity(4, format="csc")
-    option = f"{PREFIX}mat_mumps_icntl_14"
-    petsc.Options()[option] = 200
+@contextmanager
+def petsc_option(name, value):
+    """Set an option in PETSc's database."""
+    petsc = pytest.importorskip("petsc4py.PETSc")
+    petsc.Options()[PREFIX + name] = value
     try:
+        yield
+    finally:
+        petsc.Options().delValue(PREFIX + name)
+
+
+def test_options_apply_to_mumps():
+    with petsc_option("mat_mumps_icntl_14", 200):
+        lower = identity(4, format="csc")
         solver = solver_for("petsc", lower)
         assert solver.factorise(lower.data).definite
-    finally:
-        petsc.Options().delValue(option)
     assert solver._analysed.ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == 200
+
+
+def test_an_iterative_method_leads_to_the_same_state():
+    with petsc_option("pc_type", "gamg"):
+        stepper = LoadStepper(*pulled(0.3), 1, solver="petsc")
+        u = stepper.run().u
+    assert stepper.problem.system.solver._analysed.iterative
+    np.testing.assert_allclose(u, LoadStepper(*pulled(0.3), 1).run().u, atol=1e-9)
