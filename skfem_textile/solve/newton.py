@@ -261,19 +261,15 @@ class _Progress:
                 problem.around(problem.unfixed(f, u)),
                 advice=_ON_SURFACE if problem.surfaces else "",
             )
-        self._refuse_flight(u)
-        below = self.residuals[-1] <= self.tolerance
-        self.is_balanced = below and problem.is_fixed(u, self.fixed_values)
-        return self.is_balanced
-
-    def _refuse_flight(self, u: ndarray) -> None:
-        """Refuse a displacement far beyond the size of ply, tools and motions."""
-        if self.problem.flies(u, self.fixed_values):
+        if problem.flies(u, self.fixed_values):
             raise NoEquilibriumError(
                 f"the ply moves by {np.abs(u).max():.2g} mm, far beyond its size and "
                 "the motions of supports and tools: nothing stops it",
                 advice=HOLD,
             )
+        below = self.residuals[-1] <= self.tolerance
+        self.is_balanced = below and problem.is_fixed(u, self.fixed_values)
+        return self.is_balanced
 
     def equilibrium(self, end: Iterate) -> Equilibrium:
         """The equilibrium at the end of the iteration; an error if there is none."""
