@@ -13,6 +13,7 @@ from skfem import MeshQuad
 from skfem_textile import (
     Condition,
     Fabric,
+    Force,
     Full,
     Linear,
     LoadStepper,
@@ -27,11 +28,12 @@ from skfem_textile import (
 )
 from skfem_textile.ply.terms import Term
 from skfem_textile.scenes import bias_extension, strip
-from skfem_textile.solve.continuation import Continuation
+from skfem_textile.solve.continuation import Continuation, loads_drive
 from skfem_textile.solve.states import NoEquilibriumError, State, UserError, Verdict
 from skfem_textile.solve.verdict import CHECKS
 from tests.helpers import Locking
 from tests.helpers.pulled import CLAMP, ShortSteps, load_factors, pulled
+from tests.helpers.tools import problem_of
 
 # Steps: halved on failure, increased again, and stops of a run
 
@@ -352,3 +354,12 @@ def test_a_method_without_difficulty_measure_leaves_the_path_unresolved():
     scene = strip(size=(2, 3), seed=0)
     options = {"method": "plain", "warn_only": list(CHECKS)}
     assert not loaded(scene, OnePoint(1.0), 1, **options).path_resolved
+
+
+@pytest.mark.parametrize(("share", "drives"), [(1.9, True), (2.1, False)])
+def test_loads_drive_a_ply_if_their_work_is_half_of_its_energy(share, drives):
+    ply, conditions = pulled(0.5)
+    ply = ply.with_terms(Force("right", (1.0, 0.0)))
+    u, problem = np.full(ply.basis.N, 0.01), problem_of(ply, conditions).at(1.0)
+    energies = {"tension": share * float(ply.load(u, 1.0) @ u)}
+    assert loads_drive(problem, u, ply.parameters_at_rest, energies, True) == drives
