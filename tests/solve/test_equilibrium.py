@@ -133,15 +133,6 @@ def test_every_method_gives_the_same_equilibrium():
     np.testing.assert_allclose(plain, newton, atol=1e-6)
 
 
-def test_reactions_are_not_taken_for_unbalanced_forces():
-    ply, conditions = pulled(0.5)
-    problem = LoadStepper(ply, conditions).problem
-    free, fixed = problem.constraints.free, problem.constraints.fixed
-    f = problem.unfixed(np.ones(ply.basis.N), ply.basis.zeros())
-    assert np.all(f[free] == 1)
-    assert np.all(f[fixed] == 0)
-
-
 def test_every_solve_and_factorisation_is_counted(monkeypatch):
     counts = {"factorisations": 0, "solves": 0}
     factorised = superlu._decomposed
