@@ -54,30 +54,18 @@ def with_stiffness(
     ply, bare = problem.ply, without(problem, parameters)
     blocks = ply.stiffness(u, problem.load_factor, bare, tension)
     largest = np.linalg.eigvalsh(blocks[ply.pattern.diagonal])[:, -1].mean()
-
-    def stiff(values: Values) -> Values:
-        stiffness = np.full_like(values["stiffness"], largest)
-        return Values({**values, "stiffness": stiffness})
-
-    stiffened = {x.name: stiff(parameters[x.name]) for x in problem.contacts}
-    return Frozen({**parameters, **stiffened})
-
-
-def towards(
-    problem: Problem,
-    parameters: PlyParameters,
-    forces: dict[str, ndarray],
-    share: float,
-) -> PlyParameters:
-    """Parameters with contact forces interpolated towards ``forces`` by a share."""
-
-    def moved(values: Values, force: ndarray) -> Values:
-        force = values["force"] + share * (force - values["force"])
-        return Values({**values, "force": force})
-
-    changed = {
-        x.name: moved(parameters[x.name], forces[x.name]) for x in problem.contacts
+    stiffness = {
+        x.name: np.full_like(parameters[x.name]["stiffness"], largest)
+        for x in problem.contacts
     }
+    return with_values(parameters, "stiffness", stiffness)
+
+
+def with_values(
+    parameters: PlyParameters, key: str, values: dict[str, ndarray]
+) -> PlyParameters:
+    """Parameters with other values under a key, by name of the tool."""
+    changed = {k: Values({**parameters[k], key: x}) for k, x in values.items()}
     return Frozen({**parameters, **changed})
 
 
@@ -157,11 +145,11 @@ class ActiveSet(Direction):
         """Increment with the contact forces after it."""
         problem, t, p = self._problem, self._problem.load_factor, at.parameters
         f, K, far = *self._without_contact(at), at.unbalanced(problem) > NEAR
-        u, predicted = at.u, at.contact_forces
+        u = at.u
         gaps = [
             _LinearGap(
                 *(x.points, x.gaps(u, t), x.normals(u, t)),
-                *(p[x.name], predicted[x.name]),
+                *(p[x.name], at.contact_forces[x.name]),
             )
             for x in problem.contacts
         ]
@@ -192,7 +180,11 @@ class ActiveSet(Direction):
         share = float(np.linalg.norm(du)) / max(whole, TINY)
         tension = problem.ply.geometric_tension(at.u, du, at.parameters)
         u = problem.moved(at.u, du)
-        p = towards(problem, at.parameters, increment.contact_forces, share)
+        moved = {
+            name: force + share * (increment.contact_forces[name] - force)
+            for name, force in forces(problem, at.parameters).items()
+        }
+        p = with_values(at.parameters, "force", moved)
         at = Iterate(u, problem.residual(u, p), p, tension, increment.contact_forces)
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at

@@ -14,7 +14,8 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply import Ply
-from ..ply.parameters import PlyParameters, Values
+from ..ply.parameters import PlyParameters
+from . import active_set
 from .problem import Problem, Tangent
 from .states import State
 
@@ -150,16 +151,15 @@ def changes_of_tools(
     """
     ends = []
     for h in (-STEP, STEP):
-        p, forces = dict(state.parameters), {}
-        u, t = state.u + h * response.motion, state.load_factor
-        for tool in problem.contacts:
-            values = p[tool.name]
-            pushed = values["stiffness"] * response.pushed[tool.name]
-            p[tool.name] = Values({**values, "force": values["force"] + h * pushed})
-            f = problem.nodal(tool.residual(u, t, p[tool.name]))
-            forces[tool.name] = -f.sum(axis=1)
-        ends.append((work_of_tools(problem, u, p), forces))
+        u, p = state.u + h * response.motion, state.parameters
+        forces = {
+            name: p[name]["force"] + h * (p[name]["stiffness"] * pushed)
+            for name, pushed in response.pushed.items()
+        }
+        p = active_set.with_values(p, "force", forces)
+        of_tools = active_set.resultants(problem, u, p)
+        ends.append((work_of_tools(problem, u, p), of_tools))
     (work, before), (work_after, after) = ends
     over = 2 * STEP
-    changes = {name: (after[name] - f) / over for name, f in before.items()}
+    changes = {name: (after[name][0] - f) / over for name, (f, _) in before.items()}
     return (work_after - work) / over, changes

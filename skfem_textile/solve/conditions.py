@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -443,14 +443,6 @@ def plain(q: ndarray, turn: csr_matrix | None) -> ndarray:
     return q if turn is None else turn @ q
 
 
-class _Fixed(NamedTuple):
-    """Fixed directions: name of the condition, nodes (n,), unit vectors (d, n)."""
-
-    name: str
-    nodes: ndarray
-    directions: ndarray
-
-
 def reactions(
     constraints: Constraints, forces: ndarray, u: ndarray, t: float
 ) -> dict[str, ndarray]:
@@ -472,12 +464,12 @@ def reactions(
         Displacement and load factor, on which the normals of surfaces depend.
     """
     on_surfaces = constraints.surfaces.fixed_directions(u, t)
-    fixed = [_Fixed(*x) for x in (*constraints.fixed_directions, *on_surfaces)]
+    fixed = [*constraints.fixed_directions, *on_surfaces]
     d, n_nodes = forces.shape
     sums = np.zeros((n_nodes, d, d))
     for _, nodes, n in fixed:
         np.add.at(sums, nodes, np.einsum("in,jn->nij", n, n))
-    supported = np.unique(np.concatenate([x.nodes for x in fixed]))
+    supported = np.unique(np.concatenate([nodes for _, nodes, _ in fixed]))
     inverse = np.linalg.pinv(sums[supported], _OTHER_DIRECTION, hermitian=True)
     weighted = np.zeros_like(forces)
     weighted[:, supported] = np.einsum("nij,jn->in", inverse, forces[:, supported])

@@ -1,5 +1,7 @@
 """Iterates, and directions of increments; between tools see `active_set.ActiveSet`."""
 
+from contextlib import suppress
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -204,12 +206,6 @@ def definite(
     off surfaces, it has a minimum fibre tension. If it is still not definite, the
     tensions at ``u`` are used. Arguments and exceptions are as for `Tangent`.
     """
-    try:
-        tangent = Tangent.at(problem, u, parameters, tension, False, contact_forces)
-        if tangent.definite:
-            return tangent
-    except NoEquilibriumError:
-        pass
     free_in_space = problem.in_space and not problem.surfaces
     least = _FIRST_TENSION if free_in_space else 0.0
 
@@ -219,11 +215,13 @@ def definite(
         tangent.projected = True
         return tangent
 
-    try:
-        tangent = projected(tension)
-        if tangent.definite:
-            return tangent
-    except NoEquilibriumError:
-        pass
+    attempts = (
+        partial(Tangent.at, problem, u, parameters, tension, False, contact_forces),
+        partial(projected, tension),
+    )
+    for attempt in attempts:
+        with suppress(NoEquilibriumError):
+            if (tangent := attempt()).definite:
+                return tangent
     # A law without slope at rest predicts no tension.
     return projected(problem.ply.geometric_tension(u, np.zeros_like(u), parameters))

@@ -9,7 +9,6 @@ from numpy import ndarray
 from ..ply.parameters import PlyParameters
 from .direction import Increment, Iterate
 from .problem import EPSILON, Problem
-from .states import NoEquilibriumError
 
 # Trial lengths of an increment, each half the previous one, until every law has a value
 # or the energy decreases.  The last, 2⁻¹¹, is shorter than any in a converging
@@ -132,12 +131,9 @@ def within_laws(
     for share in 0.5 ** np.arange(_HALVINGS):
         if problem.in_domain(u + share * du, parameters):
             return share * du
-    end = problem.ply.closest_end(u + share * du)
-    raise NoEquilibriumError(
-        "even the shortest increment leaves the domain of a law"
-        + (f": {end}" if end else ""),
-        end.elements if end else (),
+    raise problem.beyond(
+        u + share * du,
+        "even the shortest increment leaves the domain of a law",
         "a law with a larger domain (for a table: more points, or "
         "extrapolation='linear'), or a smaller load",
-        end.quantity if end else "",
     )

@@ -61,7 +61,7 @@ from .linear.solver import Clock
 from .problem import Problem, Tangent
 from .search import equilibrium_near
 from .states import NoEquilibriumError, State
-from .tension_variation import forces_of_tension_variation
+from .tension_variation import forces_of_tension_variation, smooth_edges
 from .verdict import CHECKS
 
 #: Ratio of the rms error of the shear angle to the rms change of the shear angle that
@@ -555,8 +555,7 @@ def _square_jumps(ply: Ply, u: ndarray) -> ndarray:
     radians squared.
     """
     mesh: Any = ply.mesh
-    inner = np.flatnonzero(mesh.f2t[1] >= 0)
-    inner = np.setdiff1d(inner, (mesh.boundaries or {}).get(SINGULAR, ()))
+    inner = smooth_edges(mesh)
     angle = np.average(ply.shear_angle(u), axis=1, weights=ply.basis.dx)
     pairs = mesh.f2t[:, inner]
     square = np.tile(np.subtract(*angle[pairs]) ** 2, 2)

@@ -105,8 +105,28 @@ class Method(Protocol):
         ...
 
 
+class _Iterative:
+    """Base of the nonlinear solvers, which implement `_last`."""
+
+    def solve(
+        self,
+        problem: Problem,
+        start: Evaluation,
+        fixed_values: ndarray,
+        most_projected: float,
+        report: Report,
+    ) -> Equilibrium:
+        """See `Method`."""
+        progress = _Progress(problem, fixed_values, most_projected, report)
+        return progress.equilibrium(self._last(progress, start))
+
+    def _last(self, progress: "_Progress", start: Evaluation) -> Iterate:
+        """The last iterate."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class Newton:
+class Newton(_Iterative):
     """Mixed-integration-point Newton with a positive definite tangent.
 
     The geometric stiffness contains the fibre tensions that the previous iteration
@@ -150,18 +170,11 @@ class Newton:
     name: ClassVar[str] = "newton"
     follows_path: ClassVar[bool] = True
 
-    def solve(
-        self,
-        problem: Problem,
-        start: Evaluation,
-        fixed_values: ndarray,
-        most_projected: float,
-        report: Report,
-    ) -> Equilibrium:
-        """See `Method`."""
-        follows = most_projected < np.inf and not problem.contacts
-        most_projected = most_projected if follows else np.inf
-        progress = _Progress(problem, fixed_values, most_projected, report)
+    def _last(self, progress: "_Progress", start: Evaluation) -> Iterate:
+        problem = progress.problem
+        follows = progress.most_projected < np.inf and not problem.contacts
+        if not follows:
+            progress.most_projected = np.inf
         direction = (active_set.ActiveSet if problem.contacts else Definite)(problem)
         at = direction.first(start)
         for stage in self._stages(problem, start.keeps_parameters):
@@ -171,7 +184,7 @@ class Newton:
             at = iterate(progress, at, direction, *stage)
             if progress.is_balanced and (follows or not at.unstable):
                 break
-        return progress.equilibrium(at)
+        return at
 
     def _stages(
         self, problem: Problem, keeps_parameters: bool
@@ -194,7 +207,7 @@ class Newton:
 
 
 @dataclass(frozen=True)
-class PlainNewton:
+class PlainNewton(_Iterative):
     """Newton's method with the consistent tangent, for small steps.
 
     Parameters
@@ -207,20 +220,10 @@ class PlainNewton:
     name: ClassVar[str] = "plain"
     follows_path: ClassVar[bool] = False
 
-    def solve(
-        self,
-        problem: Problem,
-        start: Evaluation,
-        fixed_values: ndarray,
-        most_projected: float,
-        report: Report,
-    ) -> Equilibrium:
-        """See `Method`."""
-        progress = _Progress(problem, fixed_values, most_projected, report)
-        direction = Direction(problem)
+    def _last(self, progress: "_Progress", start: Evaluation) -> Iterate:
+        direction, whole = Direction(progress.problem), Whole(progress.problem)
         at = direction.first(start)
-        at = iterate(progress, at, direction, Whole(problem), unchanged, self.most)
-        return progress.equilibrium(at)
+        return iterate(progress, at, direction, whole, unchanged, self.most)
 
 
 #: Nonlinear solvers by name.
@@ -258,19 +261,15 @@ class _Progress:
                 problem.around(problem.unfixed(f, u)),
                 advice=_ON_SURFACE if problem.surfaces else "",
             )
-        self._refuse_flight(u)
-        below = self.residuals[-1] <= self.tolerance
-        self.is_balanced = below and problem.is_fixed(u, self.fixed_values)
-        return self.is_balanced
-
-    def _refuse_flight(self, u: ndarray) -> None:
-        """Refuse a displacement far beyond the size of ply, tools and motions."""
-        if self.problem.flies(u, self.fixed_values):
+        if problem.flies(u, self.fixed_values):
             raise NoEquilibriumError(
                 f"the ply moves by {np.abs(u).max():.2g} mm, far beyond its size and "
                 "the motions of supports and tools: nothing stops it",
                 advice=HOLD,
             )
+        below = self.residuals[-1] <= self.tolerance
+        self.is_balanced = below and problem.is_fixed(u, self.fixed_values)
+        return self.is_balanced
 
     def equilibrium(self, end: Iterate) -> Equilibrium:
         """The equilibrium at the end of the iteration; an error if there is none."""

@@ -241,6 +241,15 @@ class Problem:
             advice = _CLOSER_STIFFNESSES
         return NoEquilibriumError(f"singular tangent{where}: {cause}", advice=advice)
 
+    def beyond(self, u: ndarray, message: str, advice: str) -> NoEquilibriumError:
+        """Error for a displacement beyond the domain of a law, which it names."""
+        end = self.ply.closest_end(u)
+        if end is None:
+            return NoEquilibriumError(message, advice=advice)
+        return NoEquilibriumError(
+            f"{message}: {end}", end.elements, advice, end.quantity
+        )
+
     @cached_property
     def _size(self) -> float:
         """Extent of the ply and the tools at rest in mm."""

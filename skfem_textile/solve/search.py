@@ -3,7 +3,6 @@
 import contextlib
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..ply.parameters import Frozen, PlyParameters
 from . import active_set
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
-from .linear import ChosenSolver
+from .linear import solver_named
 from .newton import LESS_ROUNDING, METHODS, SETTLED, Damped, Method
 from .problem import HOLD, Evaluation, Problem, Tangent, balanced
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
@@ -114,7 +113,7 @@ class EquilibriumSearch:
     report: Callable[[Iteration], None]
 
     def __post_init__(self) -> None:
-        if self.problem and self.problem.contacts and not self.method.follows_path:
+        if self.problem.contacts and not self.method.follows_path:
             raise ValueError(
                 f"the method {self.method.name!r} does not find the nodes that touch "
                 "tools: use the method 'newton'"
@@ -199,6 +198,17 @@ class EquilibriumSearch:
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
 
+    def driven(
+        self,
+        problem: Problem,
+        u: ndarray,
+        parameters: PlyParameters,
+        energies: dict[str, float],
+    ) -> bool:
+        """True if the load path is followed and growing loads drive the ply."""
+        state = u, parameters, energies
+        return self.method.follows_path and loads_drive(problem, *state, problem.moves)
+
     def _first(self, target: Target) -> AcceptedEquilibrium:
         """Equilibrium, with the initial parameters, that passes all checks.
 
@@ -214,10 +224,8 @@ class EquilibriumSearch:
                     lambda *done: self.report(Iteration(t, step, method.name, *done)),
                 )
                 trial = Trial.of(problem, equilibrium, before)
-                driven = method.follows_path and loads_drive(
-                    *(problem, equilibrium.u, equilibrium.parameters),
-                    *(trial.energies, problem.moves),
-                )
+                u, _, p, *_ = equilibrium
+                driven = self.driven(problem, u, p, trial.energies)
                 trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:
             at_rest = not t and failure.advice not in (LESS_ROUNDING, HOLD)
@@ -364,7 +372,7 @@ def equilibrium_near(
         If a condition or a name is not valid.
     """
     constraints = Constraints(ply.basis, conditions)
-    problem = Problem(ply, constraints, partial(ChosenSolver, solver)).at(load_factor)
+    problem = Problem(ply, constraints, solver_named(solver)).at(load_factor)
     with np.errstate(all="ignore"):  # what is not finite is caught
         start = problem.evaluation(u, parameters or ply.parameters_at_rest)
     search = EquilibriumSearch(
@@ -387,7 +395,7 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
     if not np.isfinite(u).all():
         raise ValueError("u must be finite, one displacement in mm for each unknown")
     constraints = Constraints(ply.basis, conditions)
-    problem = Problem(ply, constraints, partial(ChosenSolver, "auto")).at(1.0)
+    problem = Problem(ply, constraints, solver_named("auto")).at(1.0)
     at_rest, tangent = ply.parameters_at_rest, None
     p = ply.updated(at_rest, u)
     f = problem.residual(u, p)

@@ -4,6 +4,7 @@ import logging
 import os
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from datetime import timedelta
 from functools import cached_property, partial
 from time import perf_counter
@@ -21,17 +22,16 @@ from .continuation import (
     Continuation,
     balanced_at_rest,
     load_growth,
-    loads_drive,
     moves,
     path_warning,
     surface_predictor,
 )
-from .linear import ChosenSolver, check_solver
+from .linear import solver_named
 from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
 from .result import UNCHANGING, Result, StepError
-from .search import EquilibriumSearch, Target, method_of
+from .search import AcceptedEquilibrium, EquilibriumSearch, Target, method_of
 from .states import (
     CheckpointError,
     Equilibrium,
@@ -147,12 +147,10 @@ class LoadStepper:
     ) -> None:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
         _check_arguments(ply, steps, max_halvings, warn_only, callbacks)
-        check_solver(solver)
+        chosen = solver_named(solver)
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
-        self.problem = problem = Problem(
-            ply, constraints, partial(ChosenSolver, solver)
-        )
+        self.problem = problem = Problem(ply, constraints, chosen)
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         self.initial_guess = _checked_guess(initial_guess, ply)
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
@@ -160,10 +158,7 @@ class LoadStepper:
         for check in dict.fromkeys(type(tool).check for tool in contacts):
             check(ply, moved)
         self.search = EquilibriumSearch(
-            self.problem,
-            method_of(method),
-            frozenset(warn_only),
-            self._report,
+            problem, method_of(method), frozenset(warn_only), self._report
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -175,7 +170,11 @@ class LoadStepper:
             "warn_only": sorted(warn_only),
             "initial_guess": initial_guess is not None,
         }
-        self.checkpoint = _checkpoint(checkpoint, self.problem, settings)
+        self.checkpoint: Checkpoint | None = None
+        if checkpoint:
+            from . import checkpoint as checkpoints
+
+            self.checkpoint = checkpoints.Checkpoint(checkpoint, problem, settings)
         self.interval = partial(_interval, self.problem, conditions)
         self._run = Run(self)
 
@@ -355,8 +354,7 @@ class Run:
     def _resume(self) -> bool:
         """Start from the end of the checkpoint; False if it contains no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        if checkpoint is None:
-            return False
+        assert checkpoint  # `LoadStepper.run` requires it
         from .checkpoint import Replay
 
         replay = Replay(problem, self._stepper.initial_guess is not None)
@@ -407,15 +405,13 @@ class Run:
                 log.warning(UNCHANGING)
             return
         self.states = [state]  # until the ply is in equilibrium
-        equilibrium = self._search.at_rest(problem.evaluation(u, p, tangent), values)
-        state = equilibrium.trial.state(problem.clock.solves)
-        easy = (
-            equilibrium.projected <= MOST_PROJECTED and self._search.method.follows_path
-        )
-        if not easy or not equilibrium.converged or self._depends_on_steps(state):
+        found = self._search.at_rest(problem.evaluation(u, p, tangent), values)
+        state, settled = self._reached(found)
+        easy = found.projected <= MOST_PROJECTED and self._search.method.follows_path
+        if not (easy and settled):
             self.continuation.mark(0.0)
         self.states = []
-        self._append(state, equilibrium.trial)
+        self._append(state, found.trial)
 
     def _reach(self, u: ndarray) -> None:
         """Find the equilibrium at the load factor 1 near a displacement."""
@@ -424,16 +420,13 @@ class Run:
         with np.errstate(all="ignore"):  # non-finite values are detected
             guess = problem.evaluation(u, problem.ply.parameters_at_rest)
             if not problem.in_domain(u, guess.parameters):
-                end = problem.ply.closest_end(u)
-                raise NoEquilibriumError(
-                    f"the initial guess is outside the domain of a law: {end}",
-                    end.elements if end else (),
+                raise problem.beyond(
+                    *(u, "the initial guess is outside the domain of a law"),
                     "a law with a larger domain",
                 )
-        before = problem.clock.solves
         found = self._search(Target(1.0, 1.0, values, guess, None))
-        state = found.trial.state(problem.clock.solves - before)
-        if not found.converged or self._depends_on_steps(state):
+        state, settled = self._reached(found)
+        if not settled:
             self.continuation.mark(1.0)
         self._append(state, found.trial)
 
@@ -442,11 +435,8 @@ class Run:
         last, start, problem = self.states[-1], self._start, self.problem
         t = self.continuation.end(last.load_factor, t_end)
         step = t - last.load_factor
-        driven = self._search.method.follows_path and loads_drive(
-            problem.at(start.load_factor),
-            *(start.u, start.parameters, start.energies),
-            problem.moves,
-        )
+        evaluated = start.u, start.parameters, start.energies
+        driven = self._search.driven(problem.at(start.load_factor), *evaluated)
         try:
             values = problem.constraints.fixed_values(t)
             # The factors of loads are user functions.
@@ -463,9 +453,7 @@ class Run:
             growth = load_growth(problem, last, t) if loaded else 0.0
             self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
-        before = sum(state.linear_solves for state in self.states)
-        state = found.trial.state(problem.clock.solves - before)
-        settled = found.converged and not self._depends_on_steps(state)
+        state, settled = self._reached(found)
         projected = found.projected
         if driven and self._jumps(state):
             projected = MOST_PROJECTED + 1
@@ -478,6 +466,12 @@ class Run:
                 "the step to load factor %g was difficult and is repeated as two steps",
                 t,
             )
+
+    def _reached(self, found: AcceptedEquilibrium) -> tuple[State, bool]:
+        """The state, and whether it is independent of the number of steps."""
+        before = sum(state.linear_solves for state in self.states)
+        state = found.trial.state(self.problem.clock.solves - before)
+        return state, found.converged and not self._depends_on_steps(state)
 
     def _jumps(self, state: State) -> bool:
         """True if the shear angle changes so much that a step may pass a limit load."""
@@ -519,17 +513,6 @@ class Run:
             stepper.on_step(state)
 
 
-def _checkpoint(
-    folder: str | os.PathLike[str] | None, problem: Problem, settings: dict[str, Any]
-) -> "Checkpoint | None":
-    """See `Checkpoint`; None without a folder."""
-    if not folder:
-        return None
-    from .checkpoint import Checkpoint
-
-    return Checkpoint(folder, problem, settings)
-
-
 def _interval(
     problem: Problem, conditions: Conditions, solver: str, state: State
 ) -> "ErrorInterval":
@@ -549,16 +532,8 @@ def _check_arguments(
     """Refuse invalid arguments of `LoadStepper`."""
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
-    if not _is_whole(steps, 1, _MOST_STEPS):
-        raise ValueError(
-            f"steps must be a whole number from 1 to {_MOST_STEPS}, got "
-            f"{shortened(steps)}"
-        )
-    if not _is_whole(max_halvings, 0, _MOST_HALVINGS):
-        raise ValueError(
-            f"max_halvings must be a whole number from 0 to {_MOST_HALVINGS}, got "
-            f"{shortened(max_halvings)}"
-        )
+    _refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
+    _refuse_unless_whole("max_halvings", max_halvings, 0, _MOST_HALVINGS)
     known = ", ".join(CHECKS)
     # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
@@ -586,8 +561,10 @@ def _checked_guess(guess: Any, ply: Ply) -> ndarray | None:
     return u
 
 
-def _is_whole(number: Any, least: int, most: int) -> bool:
-    try:
-        return least <= int(number) == number <= most
-    except (TypeError, ValueError, OverflowError):
-        return False
+def _refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
+    with suppress(TypeError, ValueError, OverflowError):
+        if least <= int(number) == number <= most:
+            return
+    raise ValueError(
+        f"{name} must be a whole number from {least} to {most}, got {shortened(number)}"
+    )

@@ -69,14 +69,19 @@ def _recovered(basis: MeanBasis, values: ndarray) -> ndarray:
     return np.einsum("aie,iq->aeq", nodal[:, vertex], hats)
 
 
+def smooth_edges(mesh: Any) -> ndarray:
+    """Numbers of the edges inside the ply that are not on a singular fibre."""
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    return np.setdiff1d(inner, (mesh.boundaries or {}).get(SINGULAR, ()))
+
+
 def _vertices(mesh: Any) -> ndarray:
     """Vertex number of each corner of triangles, shape (3, n_elements).
 
     Corners of two elements are the same vertex if the elements share an edge that ends
     there and is not on a singular fibre.
     """
-    inner = np.flatnonzero(mesh.f2t[1] >= 0)
-    inner = np.setdiff1d(inner, (mesh.boundaries or {}).get(SINGULAR, ()))
+    inner = smooth_edges(mesh)
     number = np.arange(mesh.t.size).reshape(mesh.t.shape)
     pairs = []
     for end in mesh.facets[:, inner]:

@@ -158,12 +158,16 @@ class ToleranceStepper:
         most_unknowns: int = 50_000,
         on_round: Callable[[Round], None] | None = None,
     ) -> None:
-        for name, value in (
-            ("tolerance", tolerance),
-            ("density", density),
-            ("most_unknowns", most_unknowns),
-        ):
-            _refuse_unless_positive(name, value)
+        settings = {
+            "tolerance": tolerance,
+            "density": density,
+            "most_unknowns": most_unknowns,
+        }
+        for name, value in settings.items():
+            if not (isinstance(value, Real) and 0 < float(value) < np.inf):
+                raise ValueError(
+                    f"{name} must be a number above 0, got {shortened(value)}"
+                )
         if not tolerance < 1:
             raise ValueError(
                 f"the tolerance must be between 0 and 1, got {shortened(tolerance)}"
@@ -336,8 +340,3 @@ def _interval_of(result: Result, state: State) -> ErrorInterval:
     """Interval of a state; it is known for the last one."""
     last = state is result.states[-1]
     return result.error if last else result.interval(state)
-
-
-def _refuse_unless_positive(name: str, value: Any) -> None:
-    if not (isinstance(value, Real) and 0 < float(value) < np.inf):
-        raise ValueError(f"{name} must be a number above 0, got {shortened(value)}")

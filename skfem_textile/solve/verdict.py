@@ -183,12 +183,9 @@ class Trial:
                 )
         self._refuse_passed()
         if not self.problem.in_domain(self.equilibrium.u, self.equilibrium.parameters):
-            end = self.problem.ply.closest_end(self.equilibrium.u)
-            raise NoEquilibriumError(
-                "a law is evaluated outside its domain" + (f": {end}" if end else ""),
-                end.elements if end else (),
+            raise self.problem.beyond(
+                *(self.equilibrium.u, "a law is evaluated outside its domain"),
                 "a smaller load, or a law that is defined there",
-                end.quantity if end else "",
             )
         checks = (
             *(_element_checks, _energy_checks, _discretisation_checks),

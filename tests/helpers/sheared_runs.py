@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pytest
 
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, Sin2
 from tests.helpers import distorted
@@ -17,16 +16,6 @@ def stepper(folder, pull=0.3, **options):
         "level": Condition("top", 0.0, (0, 1)),
     }
     return LoadStepper(ply, conditions, 3, checkpoint=folder, **options)
-
-
-def interrupted(folder, pull=0.3):
-    def interrupt(state):
-        if state.load_factor > 0.6:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        stepper(folder, pull, on_step=interrupt).run()
-    return folder
 
 
 def read_npz(path):

@@ -1,4 +1,4 @@
-"""Runs on a small strip that are interrupted and resumed."""
+"""Runs on a small strip, and their interruption."""
 
 from functools import cache
 
@@ -15,15 +15,15 @@ def stepper(folder, steps=3, C_s=1.0, kind="energy", E=1e4, **options):
     return LoadStepper(ply, scene.conditions, steps, checkpoint=folder, **options)
 
 
-def interrupted_at(folder, load_factor, **options):
-    """Interrupt a run after this many states and leave its checkpoint."""
+def interrupted(load_factor, make, *arguments, **options):
+    """Interrupt the run of a stepper that is made so, and leave its checkpoint."""
 
     def interrupt(state):
         if state.load_factor >= load_factor:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        stepper(folder, on_step=interrupt, **options).run()
+        make(*arguments, on_step=interrupt, **options).run()
 
 
 @cache
@@ -33,11 +33,7 @@ def whole_run(kind="energy", C_s=1.0):
 
 
 def assert_same(result, other):
-    assert [s.load_factor for s in result.states] == [
-        s.load_factor for s in other.states
-    ]
     np.testing.assert_array_equal(result.u, other.u)
-    assert result.linear_solves == other.linear_solves
     assert result.factorisations == other.factorisations
     assert result.steps_cut == other.steps_cut
     assert result.history() == other.history()

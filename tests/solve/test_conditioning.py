@@ -120,6 +120,8 @@ def test_the_stiffness_in_the_warning_is_that_of_a_shifted_clamp():
     warning = result.error.warnings[1]
     found = float(warning.split("change it by ")[1].split(" N")[0])
     assert found == pytest.approx(0.01 * stiffness, rel=0.01)
+    half = result.error.reactions["top"]
+    assert half / half[1] == pytest.approx(n / n[1], rel=0.01)
 
 
 @cache

@@ -21,9 +21,11 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.globalisation import within_laws
 from skfem_textile.solve.states import Equilibrium, NoEquilibriumError
 from skfem_textile.solve.verdict import CHECKS, Trial
 from tests.helpers import Locking, Pretensioned
+from tests.helpers.tools import problem_of
 
 
 def pulled(formulation, prepare, pull, law, steps, size=(2, 4), **options):
@@ -33,6 +35,7 @@ def pulled(formulation, prepare, pull, law, steps, size=(2, 4), **options):
     return LoadStepper(ply, held, steps, **options)
 
 
+SQUARE = MeshQuad().refined(1).with_defaults()
 FORMULATIONS = {
     "full": (Full(), lambda mesh: mesh),
     "one point": (OnePoint(), lambda mesh: mesh),
@@ -44,12 +47,15 @@ FORMULATIONS = {
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_a_locking_angle_is_never_exceeded(formulation):
     """9 mm are more than the cloth can shear: its fibres must stretch."""
-    stepper = pulled(*FORMULATIONS[formulation], 9.0, Locking(0.5, 0.3), 2)
-    result = stepper.run()
+    result = pulled(*FORMULATIONS[formulation], 9.0, Locking(0.5, 0.3), 2).run()
+    assert_below(0.3, result)
+    assert all(state.verdict.stable for state in result.states)
+
+
+def assert_below(angle, result):
     for state in result.states:
         assert np.isfinite(list(state.energies.values())).all()
-        assert np.abs(result.ply.shear_angle(state.u)).max() < 0.3
-        assert state.verdict.stable
+        assert np.abs(result.ply.shear_angle(state.u)).max() < angle
 
 
 @pytest.mark.parametrize(
@@ -79,18 +85,20 @@ def test_a_message_names_the_law_that_ends_and_its_argument(odd, message):
 )
 def test_no_method_accepts_an_infinite_energy(method):
     """The first increment alone passes the pole, and so would a whole step."""
-    stepper = pulled(
-        *(*FORMULATIONS["macro"], 8.0, Locking(0.5, 0.1), 1),
-        method=method,
-        max_halvings=0,
-    )
+    options = {"method": method, "max_halvings": 0}
     try:
-        result = stepper.run()
+        result = pulled(
+            *FORMULATIONS["macro"], 8.0, Locking(0.5, 0.1), 1, **options
+        ).run()
     except StepError as error:
         result = error.result
-    for state in result.states:
-        assert np.isfinite(list(state.energies.values())).all()
-        assert np.abs(result.ply.shear_angle(state.u)).max() < 0.1
+    assert_below(0.1, result)
+
+
+SLIDE = {
+    "left": Condition("left", direction=(1, 0)),
+    "bottom": Condition("bottom", direction=(0, 1)),
+}
 
 
 def test_fibres_in_tension_at_rest_are_equilibrated_before_the_load():
@@ -98,12 +106,8 @@ def test_fibres_in_tension_at_rest_are_equilibrated_before_the_load():
     mesh = MeshQuad.init_tensor(np.linspace(0, 20, 5), np.linspace(0, 40, 9))
     fabric = Fabric((1e3, Pretensioned(1e3, 3.33)), 1.0)
     ply = Ply(mesh.with_defaults(), fabric, Full())
-    slide = {
-        "left": Condition("left", direction=(1, 0)),
-        "bottom": Condition("bottom", direction=(0, 1)),
-    }
     assert np.abs(ply.residual(ply.basis.zeros())).max() > 1
-    result = LoadStepper(ply, slide, 1).run()
+    result = LoadStepper(ply, SLIDE, 1).run()
     first = result.states[0]
     assert first.load_factor == 0
     assert first.linear_solves > 0
@@ -116,12 +120,9 @@ def test_fibres_in_tension_at_rest_are_equilibrated_before_the_load():
 
 
 def test_displacements_prescribed_at_rest_are_applied():
-    mesh = MeshQuad().refined(1).with_defaults()
-    ply = Ply(mesh, Fabric(10.0, 1.0), Full())
-    held = {
-        "clamp": Condition("bottom"),
-        "pull": Condition("top", lambda X, t: 0.1 + t * 0.1 + 0 * X[0], (0, 1)),
-    }
+    ply = Ply(SQUARE, Fabric(10.0, 1.0), Full())
+    pull = Condition("top", lambda X, t: 0.1 + t * 0.1 + 0 * X[0], (0, 1))
+    held = {"clamp": Condition("bottom"), "pull": pull}
     states = LoadStepper(ply, held, 1).run().states
     lifts = [ply.nodal(state.u)[1, ply.nodes[1] == 1] for state in states]
     np.testing.assert_allclose(lifts, [[0.1] * 3, [0.2] * 3])
@@ -131,23 +132,58 @@ def test_a_negative_energy_is_not_taken_for_artificial(caplog):
     """Relaxing fibres release energy: T₀ ε is negative."""
     mesh = MeshQuad().refined(2).with_defaults()
     ply = Ply(mesh, Fabric(Pretensioned(1e3, 10.0), 1.0), OnePoint())
-    slide = {
-        "left": Condition("left", direction=(1, 0)),
-        "bottom": Condition("bottom", direction=(0, 1)),
-        "top": Condition("top", -0.005, direction=(0, 1)),
-    }
-    result = LoadStepper(ply, slide, 1).run()
+    top = Condition("top", -0.005, direction=(0, 1))
+    result = LoadStepper(ply, SLIDE | {"top": top}, 1).run()
     assert result.history()[-1]["energy"] < 0
     assert result.path_resolved
     assert not caplog.records
 
 
-def test_no_law_is_evaluated_beyond_its_domain():
-    class Measured(Pretensioned):
-        domain = (-0.02, 0.01)
+class Measured(Pretensioned):
+    """A law that is defined in a range, with values beyond it."""
 
-    mesh = MeshQuad().refined(1).with_defaults()
-    ply = Ply(mesh, Fabric(Measured(1e3, 0.0), 1.0), Full())
+    domain = (-0.02, 0.01)
+
+
+def stretched(ply, strain):
+    """Uniform stretch along x."""
+    u = ply.basis.zeros()
+    u[0::2] = ply.nodes[0] * np.expm1(strain)
+    return u
+
+
+def sheared(ply, angle):
+    """Rotation of the fibres along y by the shear angle."""
+    u = ply.basis.zeros()
+    u[0::2] = ply.nodes[1] * np.sin(angle)
+    u[1::2] = ply.nodes[1] * (np.cos(angle) - 1)
+    return u
+
+
+@pytest.mark.parametrize(
+    ("fabric", "moved", "low", "high"),
+    [
+        (Fabric((Measured(1e3, 0.0), 1e3), 1.0), stretched, -0.02, 0.01),
+        (Fabric(1e3, Measured(1e3, 0.0)), sheared, -0.02, 0.01),
+        (Fabric(1e3, Locking(0.5, 0.3)), sheared, -0.3, 0.3),  # no domain is stated
+    ],
+)
+def test_an_increment_ends_within_the_domain(fabric, moved, low, high):
+    ply = Ply(SQUARE, fabric, Full())
+    problem = problem_of(ply, {"clamp": Condition("bottom")}).at(1.0)
+    zero, p = ply.basis.zeros(), ply.parameters_at_rest
+    for end in (low, high):
+        inside, outside = (moved(ply, share * end) for share in (0.99, 1.01))
+        assert problem.in_domain(inside, p)
+        np.testing.assert_array_equal(within_laws(problem, zero, inside, p), inside)
+        with np.errstate(invalid="ignore"):
+            assert not problem.in_domain(outside, p)
+            halved = within_laws(problem, zero, outside, p)
+        np.testing.assert_array_equal(halved, 0.5 * outside)
+
+
+def test_no_law_is_evaluated_beyond_its_domain():
+    ply = Ply(SQUARE, Fabric(Measured(1e3, 0.0), 1.0), Full())
     held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 0.05))}
     with pytest.raises(StepError, match=r"of a law.* strain is 0\.01,") as caught:
         LoadStepper(ply, held, 5, max_halvings=2).run()

@@ -7,7 +7,6 @@ import re
 import warnings
 from collections.abc import Callable
 from decimal import Decimal
-from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +24,6 @@ from skfem_textile import (
     OnePoint,
     PlainNewton,
     Ply,
-    Quadratic,
     StepError,
     split,
 )
@@ -86,6 +84,14 @@ class Case(NamedTuple):
 class Unusual:
     """An object of a class that no argument accepts."""
 
+    def __repr__(self):
+        return "Unusual()"
+
+
+def named(*values, **functions):
+    """Values by their repr, and functions by name."""
+    return {repr(x): x for x in values} | functions
+
 
 def fails(*_):
     return 1 / 0
@@ -107,54 +113,37 @@ def late(bad):
     return lambda X, t: np.where(t == 0.5, bad, 0.1 * t) + 0 * X[0]
 
 
-WHERE = {
-    **{repr(name): name for name in ("inside", "", "bottom\n", "Bottom")},
-    **{"None": None, "half a node": 3.5, "no number": [NAN], "nothing": []},
-    **{
-        "node -1": [0, -1],
-        "node 99": [15, 99],
-        "node 2^70": [2**70],
-        "object": Unusual(),
-    },
-    **{"a set": {1, 2}, "names": ["top", "left"], "ragged lists": [[1], [2, 3]]},
-    **{"a short mask": [True, False], "a mask of none": np.zeros(16, dtype=bool)},
-    "where nothing is": lambda X: X[0] > 9,
-    "where it is a number": lambda X: X[0],
-    "where it is one bool": lambda X: True,
-    "where it is of wrong shape": lambda X: X > 1,
-    "where it is None": lambda X: None,
-    "where it fails": fails,
-    "where it takes nothing": lambda: True,
-}
-ALONG = {
-    **{"zero": (0, 0), "NaN": (NAN, 1), "infinity": (INF, 0), "three": (1, 2, 3)},
-    **{"one": 1.0, "a word": "up", "complex": (1j, 0), "ragged lists": [[1], [1, 2]]},
-    **{"an object": Unusual(), "too many": np.ones((2, 7)), "what fails": fails},
-    "what is None": lambda X: None,
-    "what is zero once": lambda X: X - X[:, :1],
-    "what is too much": lambda X: np.ones((3, 3)),
-}
-BY = {
-    **{"NaN": NAN, "infinity": -INF, "complex": 1 + 2j, "a word": "far", "None": None},
-    **{"an object": Unusual(), "a dict": {}, "ragged lists": [[1], [1, 2]]},
-    **{"too few": [0.1, 0.1], "a vector along a direction": np.ones((2, 4))},
-    "what fails": fails,
-    "what is None": lambda X, t: None,
-    "what is complex": lambda X, t: 1j * X[0],
-    "what is a word": lambda X, t: "far",
-    "what is of wrong shape": lambda X, t: X,
-    "what takes one": lambda X: X[0],
-    "NaN at half": late(NAN),
-    "infinity at half": late(INF),
-}
-VECTORS = {
-    **{"one number": 3.0, "three": (1.0, 2.0, 3.0), "too few": np.ones((2, 3))},
-    **{"vectors turned": np.ones((4, 2)), "vectors with NaN": (0.1, NAN)},
-    **{"complex vectors": (0.1, 1j), "words": ("a", "b")},
-    "what is a row": lambda X, t: X[0],
-}
+WHERE = named(
+    *(None, "bottom\n", [NAN], [], [15, 99], [2**70], [[1], [2, 3]], [True, False]),
+    Unusual(),
+    a_mask_of_none=np.zeros(16, dtype=bool),
+    where_nothing_is=lambda X: X[0] > 9,
+    where_it_is_a_number=lambda X: X[0],
+    where_it_is_of_wrong_shape=lambda X: X > 1,
+    where_it_fails=fails,
+    where_it_takes_nothing=lambda: True,
+)
+ALONG = named(
+    *((0, 0), (NAN, 1), (1, 2, 3), "up", (1j, 0), [[1], [1, 2]]),
+    what_fails=fails,
+    what_is_None=lambda X: None,
+    what_is_zero_once=lambda X: X - X[:, :1],
+)
+BY = named(
+    *(NAN, None, 1 + 2j, {}, [[1], [1, 2]], [0.1, 0.1]),
+    a_vector_along_a_direction=np.ones((2, 4)),
+    what_fails=fails,
+    what_is_None=lambda X, t: None,
+    what_is_complex=lambda X, t: 1j * X[0],
+    what_takes_one=lambda X: X[0],
+    NaN_at_half=late(NAN),
+)
+VECTORS = named(
+    *(3.0, (1.0, 2.0, 3.0), (0.1, NAN), (0.1, 1j)),
+    vectors_turned=np.ones((4, 2)),
+    what_is_a_row=lambda X, t: X[0],
+)
 BOTH = {
-    "two on a node": (Condition("top", (0, 0.1)), Condition([15], (0.1, 0))),
     "two along lines": (
         Condition("top", 0.1, UP),
         Condition("top", 0.2, direction=(0, -2)),
@@ -164,15 +153,11 @@ BOTH = {
         Condition("top", lambda X, t: t**2 + 0 * X[0], UP),
     ),
 }
-ALL = {
-    **{"no conditions": {}, "conditions None": None, "a word": "bottom"},
-    "a list of conditions": [Condition("bottom")],
-    "a condition": Condition("bottom"),
-    "a word for a condition": {"c\n": "bottom"},
-    "a class for a condition": {"c": Condition},
-    "None for a condition": {"c": None},
-    "an odd name": {"c\n\x1b": Condition("x\ny")},
-}
+ALL = named(
+    *({}, None, {"c\n": "bottom"}),
+    a_class_for_a_condition={"c": Condition},
+    an_odd_name={"c\n\x1b": Condition("x\ny")},
+)
 
 
 def condition(says, *arguments):
@@ -191,6 +176,10 @@ MOVES = (
     r"the value (is not finite at load factor 0|must be real-valued|raised .*Error|"
     r"must have shape \({}4,?\), not)"
 )
+CONTAINS = (
+    "there are no conditions: specify|must be a mapping of names to Conditions|"
+    "^condition 'c.*' must be a Condition such as .*, not|no boundary"
+)
 CONDITIONS = {
     **{f"on {name}": condition(SELECTS, at, 0.1, UP) for name, at in WHERE.items()},
     **{f"along {name}": condition(LEADS, "top", 0.1, n) for name, n in ALONG.items()},
@@ -207,12 +196,8 @@ CONDITIONS = {
         for name, (c, d) in BOTH.items()
     },
     **{
-        name: Case(lambda s, c=c: s.run(c), f"{says}|no boundary")
+        f"conditions {name}": Case(lambda s, c=c: s.run(c), CONTAINS)
         for name, c in ALL.items()
-        for says in [
-            "there are no conditions: specify|must be a mapping of names to Conditions|"
-            "^condition 'c.*' must be a Condition such as .*, not"
-        ]
     },
 }
 
@@ -234,33 +219,18 @@ def rising(direction, value=0.1):
     return Case(lambda s: s.lift("top", value, direction), None, lifted)
 
 
+LIFT, SAME = Condition("top", 0.1, UP), Condition("top", -0.1, (0, -2))
 SOUND_CONDITIONS = {
-    "a name": on(lambda s: "top"),
-    "numbers": on(lambda s: s.top[::-1]),
     "numbers twice": on(lambda s: [*s.top, *s.top]),
     "short numbers": on(lambda s: s.top.astype(np.uint8)),
-    "a mask": on(lambda s: s.mesh.p[1] == 3),
     "a list of bools": on(lambda s: (s.mesh.p[1] == 3).tolist()),
     "a function": on(lambda s: lambda X: X[1] > 2.9),
-    "a long direction": rising((0, 1e6)),
     "a tiny direction": rising((0.0, 1e-300)),
-    "a list": rising([0, 2]),
-    "downwards": rising((0, -3), -0.1),
     "a direction each": rising(lambda X: np.array([0 * X[0], 1 + X[0]])),
-    "an integer array": rising(np.array([0, 1])),
-    "a number of numpy": rising(UP, np.float64(0.1)),
     "a number each": rising(UP, [0.1] * 4),
     "what is one number": rising(UP, lambda X, t: 0.1 * t),
     "twice the same": Case(
-        lambda s: s.run(
-            {
-                "clamp": s.clamp,
-                "c": Condition("top", 0.1, UP),
-                "d": Condition("top", -0.1, (0, -2)),
-            }
-        ),
-        None,
-        lifted,
+        lambda s: s.run({"clamp": s.clamp, "c": LIFT, "d": SAME}), None, lifted
     ),
     "all nodes": Case(
         lambda s: s.run(
@@ -291,12 +261,8 @@ def loose(act):
 
 # Plies that may move as a rigid body, and unusual values.
 LOOSE = {
-    "held at a node": loose(lambda s: s.run({"c": Condition([0])})),
     "held along x": loose(
         lambda s: s.run({"c": Condition("bottom", direction=(1, 0))})
-    ),
-    "a roller alone": loose(
-        lambda s: s.run({"c": Condition("top", 0.1, direction=(1, 1))})
     ),
     "held at a node, pulled at one": loose(
         lambda s: s.run({"c": Condition([0]), "d": Condition([15], (0.1, 0.1))})
@@ -340,36 +306,28 @@ def not_a_number(x):
 
 NAN_LAW = Law(energy=not_a_number, value=not_a_number, tangent=not_a_number)
 
-STIFFNESSES: dict[str, Any] = {
-    **{"-1": -1.0, "NaN": NAN, "infinite": INF, "None": None, "a word": "stiff"},
-    **{"a number in a word": "10", "complex": 1j, "an array": np.ones(3), "a list": []},
-    **{"a fraction": Fraction(-1, 2), "a decimal": Decimal("NaN"), "a class": Linear},
-}
-WARP = {
-    **{"zero": (0, 0), "NaN": (NAN, 1), "complex": (1j, 0), "a word": "right"},
-    **{"None": None, "of three": (1, 0, 0), "ragged": [[1], [1, 2]], "fails": fails},
-    **{"of ten elements": np.ones((2, 10)) * [[1], [0]]},
-    **{"turned": np.ones((9, 2)) * [1, 0], "gives None": lambda x: None},
-    **{"gives too much": lambda x: np.ones((3, 3)), "takes nothing": lambda: (1, 0)},
-}
+STIFFNESSES = named(
+    *(-1.0, INF, None, "10", 1j, [], Linear, Decimal("NaN")), an_array=np.ones(3)
+)
+WARP = named(
+    *((0, 0), (1j, 0), None, [[1], [1, 2]]),
+    of_ten_elements=np.ones((2, 10)) * [[1], [0]],
+    turned=np.ones((9, 2)) * [1, 0],
+    fails=fails,
+    gives_None=lambda x: None,
+)
+# Part of a law, and what it is instead.
 LAWS = {
     "the energy of another law": ("energy", lambda x: 7 * x**2),
-    "the value of another law": ("value", lambda x: 11 * x),
     "the tangent of another law": ("tangent", lambda x: 9 + 0 * x),
-    "a tangent of wrong sign": ("tangent", lambda x: -10 + 0 * x),
     "an energy that fails": ("energy", fails),
-    "a value of one number": ("value", lambda x: 3.0),
     "a value of None": ("value", lambda x: None),
     "a complex value": ("value", lambda x: 10 * x + 0j),
-    "a value of bools": ("value", lambda x: x > 0),
     "a value of wrong shape": ("value", lambda x: np.ones(4)),
     "a value that spoils": ("value", overwrites),
     "a tangent that is no function": ("tangent", 10.0),
-    "a domain of one": ("domain", (1.0,)),
     "a domain of words": ("domain", ("low", "high")),
     "a domain turned": ("domain", (0.1, -0.1)),
-    "a domain of NaN": ("domain", (NAN, NAN)),
-    "a domain of one number": ("domain", 3.0),
 }
 
 
@@ -400,76 +358,37 @@ FABRICS = {
 }
 
 
-# By name: words of the message, and an invalid formulation.
-FORMULATIONS = {
-    "a formulation in a word": ("ormulation", lambda: "full"),
-    "a formulation's class": ("ormulation", lambda: OnePoint),
-    "no formulation": ("ormulation", lambda: None),
-    "stabilisation Auto": ("stabilisation", lambda: OnePoint("Auto")),
-    "stabilisation None": ("stabilisation", lambda: OnePoint(None)),
-    "stabilisation complex": ("stabilisation", lambda: OnePoint(1j)),
-    "stabilisation in an array": ("stabilisation", lambda: OnePoint(np.ones(2))),
-    "kind magic": ("kind", lambda: OnePoint(1.0, "magic")),
-    "kind None": ("kind", lambda: OnePoint(1.0, None)),
-    "kind in a list": ("kind", lambda: OnePoint(1.0, ["energy"])),
-    "auto with rates": ("auto", lambda: OnePoint("auto", "rate")),
-    "one deviation of macro-elements": ("deviation", lambda: Macro(deviation=3.0)),
-    "deviations in words": ("deviation", lambda: Macro(deviation=("a", "b"))),
-    "ragged deviations": ("deviation", lambda: Macro(deviation=((1, 2), 3))),
-    "deviation -1": ("deviation", lambda: Quadratic(-1.0)),
-    "deviation in a word": ("deviation", lambda: Quadratic("x")),
-}
 PLIES = {
-    **{
-        name: Case(lambda s, make=make: Ply(s.mesh, s.fabric, make()), words)
-        for name, (words, make) in FORMULATIONS.items()
-    },
+    "a formulation's class": Case(
+        lambda s: Ply(s.mesh, s.fabric, OnePoint), "ormulation"
+    ),
+    "kind magic": Case(lambda s: OnePoint(1.0, "magic"), "kind"),
+    "kind in a list": Case(lambda s: OnePoint(1.0, ["energy"]), "kind"),
     "no mesh": Case(lambda s: Ply(None, s.fabric, Full()), "mesh"),
-    "a mesh in a word": Case(lambda s: Ply("m", s.fabric, Full()), "mesh"),
     "a number for a fabric": Case(lambda s: Ply(s.mesh, 1.0, Full()), "abric"),
     "a class for a fabric": Case(lambda s: Ply(s.mesh, Fabric, Full()), "abric"),
     "macro-elements that were refined": Case(
         lambda s: Ply(split(s.mesh).refined(), s.fabric, Macro()), "split"
     ),
-    "quadratic triangles of what was split": Case(
-        lambda s: Ply(split(s.mesh).refined(), s.fabric, Quadratic()), "split"
-    ),
 }
-
-STEPS: tuple[Any, ...] = (
-    *(0, -1, 1.5, "3", None, NAN, INF, 10**22, 1_000_001, 1e300, [2], 2 + 1j, ()),
-    *("", b"2", 1e-320, -INF, {}, Decimal("1.5"), Fraction(1, 2)),
-)
 
 # Pattern of the message, and values of a setting.
 SETTINGS: tuple[tuple[str, str, tuple[Any, ...]], ...] = (
-    ("steps must be a whole number from 1 to 1000000, got", "steps", STEPS),
+    (
+        "steps must be a whole number from 1 to 1000000, got",
+        "steps",
+        (0, 1.5, "3", None, NAN, INF, 1_000_001, 1e300, [2], 2 + 1j),
+    ),
+    ("max_halvings must be a whole number from 0 to 30, got", "max_halvings", (-1, 31)),
     ("unknown method .*: choose one of newton, plain", "method", ("magic",)),
-    (
-        "method must be a nonlinear solver or its name, not",
-        "method",
-        (None, ["newton"], PlainNewton, 3),
-    ),
+    ("method must be a nonlinear solver or its", "method", (["newton"], PlainNewton)),
     ("maximum number of iterations must be at least 1", "method", (PlainNewton(0),)),
-    ("unknown check .*choose one of", "warn_only", (["magic"], [3], [[]])),
+    ("unknown check .*choose one of", "warn_only", (["magic"], [[]])),
     ("warn_only must be a list of checks", "warn_only", ("work", None)),
-    (
-        "max_halvings must be a whole number from 0 to 30, got",
-        "max_halvings",
-        (-1, 1.5, NAN, "3", None, 10**6),
-    ),
-    (
-        "unknown solver .*: choose one of auto, cholmod",
-        "solver",
-        ("magic", None, ["auto"]),
-    ),
+    ("unknown solver .*: choose one of auto, cholmod", "solver", ("magic", ["auto"])),
     ("on_step must be a function, not 3", "on_step", (3,)),
     ("on_iteration must be a function, not 'print'", "on_iteration", ("print",)),
-    (
-        "checkpoint (must be the path of a folder|.* is not a valid path)",
-        "checkpoint",
-        (3, "a\0b"),
-    ),
+    ("checkpoint (must be the path of|.* is not a valid)", "checkpoint", (3, "a\0b")),
 )
 
 
@@ -489,9 +408,6 @@ RUNS = {
     ),
     "no ply": Case(
         lambda s: LoadStepper(None, {"clamp": s.clamp}), "ply must be a Ply"
-    ),
-    "a mesh for a ply": Case(
-        lambda s: LoadStepper(s.mesh, {"clamp": s.clamp}), "ply must be a Ply"
     ),
 }
 

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from weakref import ref
@@ -32,6 +33,7 @@ from skfem_textile.solve.linear.scaling import Scaling
 from skfem_textile.solve.linear.solver import SolverEntry, pivoting_solver
 from skfem_textile.solve.linear.superlu import SuperLU
 from skfem_textile.solve.problem import Problem, reduced
+from tests.helpers.pulled import pulled
 
 
 def natural(matrix):
@@ -40,18 +42,30 @@ def natural(matrix):
     return Unknowns(np.zeros((2, n)), np.zeros((2, 0), int), 1, np.arange(n))
 
 
+def lower_of(A):
+    """Lower triangle with sorted indices."""
+    lower = tril(A, format="csc")
+    lower.sort_indices()
+    return lower
+
+
+def solver_for(name, A):
+    """A solver by name for the pattern of a matrix."""
+    lower = lower_of(A)
+    return solver_named(name)(lower, natural(lower))
+
+
+def factorised(name, A):
+    """Factors of a matrix by a solver."""
+    return solver_for(name, A).factorise(lower_of(A).data)
+
+
 @pytest.fixture(params=SOLVERS)
-def factorised(request):
-    """Factors of a matrix by each installed solver."""
+def name(request):
+    """Name of each installed solver, whose library is loaded."""
     pytest.importorskip(SOLVERS[request.param].package)
-
-    def factorised(A, lower=None):
-        lower = tril(A, format="csc") if lower is None else lower
-        lower.sort_indices()
-        return solver_named(request.param)(lower, natural(lower)).factorise(lower.data)
-
-    factorised(identity(3, format="csr"))  # loads the library of the solver
-    return factorised
+    factorised(request.param, identity(3, format="csr"))
+    return request.param
 
 
 def some_matrix(seed, shift):
@@ -62,7 +76,7 @@ def some_matrix(seed, shift):
 
 
 @pytest.mark.parametrize(("cells", "shift"), [(33, -2.0), (40, -0.99)])
-def test_indefinite_laplacians_are_solved_or_refused(factorised, cells, shift):
+def test_indefinite_laplacians_are_solved_or_refused(name, cells, shift):
     """Their pivots within blocks of columns may be too small for any digit."""
     line = diags([-np.ones(cells - 1), 2 * np.ones(cells)], [-1, 0])
     line = line + diags([-np.ones(cells - 1)], [1])
@@ -70,7 +84,7 @@ def test_indefinite_laplacians_are_solved_or_refused(factorised, cells, shift):
     A = csr_matrix(A + shift * identity(cells**2))
     of_line = 2 - 2 * np.cos(np.pi * np.arange(1, cells + 1) / (cells + 1))
     eigenvalues = np.add.outer(of_line, of_line) + shift
-    factors, b = factorised(A), np.ones(cells**2)
+    factors, b = factorised(name, A), np.ones(cells**2)
     try:
         x, negative = factors.solve(b), factors.negative_pivots
     except SingularMatrixError:
@@ -80,14 +94,13 @@ def test_indefinite_laplacians_are_solved_or_refused(factorised, cells, shift):
         assert np.abs(A @ x - b).max() < 1e-9
 
 
-def test_threads_may_share_a_solver(factorised):
-    shared = factorised(some_matrix(4, 0.0))._solver
+def test_threads_may_share_a_solver(name):
+    shared = solver_for(name, some_matrix(4, 0.0))
 
     def off(seed):
-        A = some_matrix(seed, 20.0 * (seed % 2))
-        x, lower = np.arange(40.0), tril(A, format="csc")
-        lower.sort_indices()
-        found = [shared.factorise(lower.data).solve(A @ x) for _ in range(30)]
+        A, x = some_matrix(seed, 20.0 * (seed % 2)), np.arange(40.0)
+        data = lower_of(A).data
+        found = [shared.factorise(data).solve(A @ x) for _ in range(30)]
         return np.abs(np.array(found) - x).max()
 
     with ThreadPoolExecutor(3) as threads:
@@ -95,29 +108,19 @@ def test_threads_may_share_a_solver(factorised):
 
 
 @pytest.mark.parametrize("weak", [1e-7, 1e-10])
-def test_indefinite_systems_with_a_small_diagonal_are_solved(factorised, weak):
+def test_indefinite_systems_with_a_small_diagonal_are_solved(name, weak):
     rng, n = np.random.default_rng(6), 40
     B = rng.standard_normal((n, n)) + 8 * np.eye(n)
     A = csr_matrix(np.block([[weak * np.eye(n), B], [B.T, weak * np.eye(n)]]))
     x = rng.standard_normal(2 * n)
-    np.testing.assert_allclose(factorised(A).solve(A @ x), x, atol=1e-9)
+    np.testing.assert_allclose(factorised(name, A).solve(A @ x), x, atol=1e-9)
 
 
 def test_the_options_of_cvxopt_are_restored():
     cholmod = pytest.importorskip("cvxopt.cholmod")
-    before, A = dict(cholmod.options), some_matrix(3, 0.0)
-    lower = tril(A, format="csc")
-    solver = solver_named("cholmod")(lower, natural(lower))
-    assert solver.factorise(lower.data).negative_pivots
+    before = dict(cholmod.options)
+    assert factorised("cholmod", some_matrix(3, 0.0)).negative_pivots
     assert cholmod.options == before
-
-
-def test_singular_systems_are_rejected(factorised):
-    A = diags([np.r_[np.ones(5), 1e-17]], [0]).tocsr()
-    with pytest.raises(SingularMatrixError, match="a mechanism is present"):
-        _ = factorised(A).negative_pivots
-    with pytest.raises(SingularMatrixError, match="a mechanism is present"):
-        factorised(A).solve(np.ones(6))
 
 
 def springs(seed, decades, softened=0.0):
@@ -135,17 +138,17 @@ def springs(seed, decades, softened=0.0):
 
 @pytest.mark.parametrize("decades", [0, 4, 6])
 @pytest.mark.parametrize("seed", range(2))
-def test_every_solver_recognises_a_net_without_supports(factorised, seed, decades):
+def test_every_solver_recognises_a_net_without_supports(name, seed, decades):
     A = springs(seed, decades)
-    with pytest.raises(SingularMatrixError):
-        _ = factorised(A).negative_pivots
-    assert factorised(A + 1e-6 * diags(A.diagonal())).definite
+    with pytest.raises(SingularMatrixError, match="a mechanism is present"):
+        _ = factorised(name, A).negative_pivots
+    with pytest.raises(SingularMatrixError, match="a mechanism is present"):
+        factorised(name, A).solve(np.ones(144))
+    assert factorised(name, A + 1e-6 * diags(A.diagonal())).definite
 
 
-@pytest.mark.parametrize("name", SOLVERS)
 def test_every_solver_recognises_the_mechanisms_of_shear(name):
     """Fibres without shear stiffness in 16 rows of quadrilaterals that slide."""
-    pytest.importorskip(SOLVERS[name].package)
     ply = Ply(MeshQuad().refined(4), Fabric(1e3), Full())
     conditions = {
         "clamp": Condition(lambda X: X[1] == 0),
@@ -162,16 +165,16 @@ def test_every_solver_recognises_the_mechanisms_of_shear(name):
 
 @pytest.mark.parametrize("entry", [0, 1])  # on the diagonal, and off it
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_a_matrix_that_is_not_finite_is_refused(factorised, entry, value):
+def test_a_matrix_that_is_not_finite_is_refused(name, entry, value):
     A = some_matrix(5, 20.0).tolil()
     A[entry, 0] = value
     with pytest.raises(ValueError, match="matrix of a linear system is not finite"):
-        factorised(csr_matrix(A))
+        factorised(name, csr_matrix(A))
 
 
-def test_a_matrix_without_diagonal_entries_is_solved(factorised):
+def test_a_matrix_without_diagonal_entries_is_solved(name):
     lower = csc_matrix(([0.0, 3.0, 0.0], [0, 1, 1], [0, 2, 3]), (2, 2))
-    factors = factorised(csr_matrix([[0.0, 3.0], [3.0, 0.0]]), lower)
+    factors = solver_named(name)(lower, natural(lower)).factorise(lower.data)
     assert factors.negative_pivots in (1, None)
     assert not factors.definite
     np.testing.assert_allclose(factors.solve(np.array([3.0, 6.0])), [2.0, 1.0])
@@ -179,9 +182,7 @@ def test_a_matrix_without_diagonal_entries_is_solved(factorised):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_scaling_is_exact_and_leaves_entries_of_a_similar_size(seed):
-    A = springs(seed, 8) + identity(144)
-    lower = tril(A, format="csc")
-    lower.sort_indices()
+    lower = lower_of(springs(seed, 8) + identity(144))
     data, scale = Scaling(lower)(lower.data)
     scaled = csc_matrix((data, lower.indices, lower.indptr), lower.shape)
     np.testing.assert_array_equal(np.log2(scale) % 1, 0)
@@ -190,10 +191,8 @@ def test_scaling_is_exact_and_leaves_entries_of_a_similar_size(seed):
     assert np.abs(data).max() <= 2
 
 
-@pytest.mark.parametrize("name", SOLVERS)
 def test_a_solver_is_freed_with_its_factors_without_garbage_collection(name):
-    pytest.importorskip(SOLVERS[name].package)
-    lower = tril(some_matrix(5, 20.0), format="csc")
+    lower = lower_of(some_matrix(5, 20.0))
     solver = SOLVERS[name].build(lower, natural(lower))
     reference, factors = ref(solver), solver.factorise(lower.data)
     gc.disable()
@@ -205,25 +204,19 @@ def test_a_solver_is_freed_with_its_factors_without_garbage_collection(name):
 
 
 @pytest.mark.parametrize("shift", [0.0, 20.0])
-@pytest.mark.parametrize("name", SOLVERS)
 def test_factors_remain_valid_after_another_matrix_of_the_same_pattern(name, shift):
-    pytest.importorskip(SOLVERS[name].package)
     A, x = some_matrix(5, shift), np.arange(40.0)
-    lower = tril(A, format="csc")
-    solver = solver_named(name)(lower, natural(lower))
-    first, second = solver.factorise(lower.data), solver.factorise(2 * lower.data)
+    solver, data = solver_for(name, A), lower_of(A).data
+    first, second = solver.factorise(data), solver.factorise(2 * data)
     np.testing.assert_allclose(second.solve(A @ x), x / 2, atol=1e-9)
     np.testing.assert_allclose(first.solve(A @ x), x, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", SOLVERS)
 def test_inertia_belongs_to_the_latest_matrix(name):
-    pytest.importorskip(SOLVERS[name].package)
     A = some_matrix(5, 20.0)
-    lower = tril(A, format="csc")
-    solver = solver_named(name)(lower, natural(lower))
+    solver, data = solver_for(name, A), lower_of(A).data
     for sign in (1, -1, 1):
-        factors = solver.factorise(sign * lower.data)
+        factors = solver.factorise(sign * data)
         assert factors.definite == (sign == 1)
         assert factors.negative_pivots == (0 if sign == 1 else 40)
 
@@ -298,10 +291,15 @@ def two(fakes):
     return fakes
 
 
+def unfactorised(n, name="auto"):
+    """Solver of a system of so many unknowns, and its matrix."""
+    lower = identity(n, format="csc")
+    return ChosenSolver(name, lower, natural(lower)), lower
+
+
 def chosen(n=LARGE, name="auto", times=1):
     """The choice for a system of so many unknowns, factorised so often."""
-    lower = identity(n, format="csc")
-    solver = ChosenSolver(name, lower, natural(lower))
+    solver, lower = unfactorised(n, name)
     for _ in range(times):
         solver.factorise(lower.data)
     return solver.choice
@@ -364,11 +362,12 @@ def test_a_matrix_singular_for_all_solvers_leads_to_no_choice(fakes):
 
 
 def test_an_indefinite_matrix_is_not_measured_and_the_next_one_is(two):
-    lower = identity(LARGE, format="csc")
-    solver = ChosenSolver("auto", lower, natural(lower))
+    solver, lower = unfactorised(LARGE)
     assert not solver.factorise(-lower.data).definite
     assert solver.choice == ("slow", "fastest known of the installed ones")
-    assert solver.factorise(lower.data).definite
+    factors, b = solver.factorise(lower.data), np.arange(LARGE)
+    assert factors.definite
+    np.testing.assert_array_equal(factors.solve(b), b)
     assert solver.choice.name == "fast"
 
 
@@ -377,27 +376,8 @@ def test_large_systems_are_measured_on_the_first_eliminated_part(two):
     assert [size for _, size in two.factorised] == [LARGEST] * 4 + [LARGEST + 1]
 
 
-def test_measurements_do_not_change_the_factors(two):
-    n = LARGE
-    A = diags([-np.ones(n - 1), 4.0 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1])
-    lower, x = tril(A, format="csc"), np.sin(np.arange(n))
-    lower.sort_indices()
-    solver = ChosenSolver("auto", lower, natural(lower))
-    np.testing.assert_allclose(solver.factorise(lower.data).solve(A @ x), x, atol=1e-12)
-
-
-def pulled(X, t):
-    return np.tile([[0.02 * t], [0.05 * t]], X.shape[1])
-
-
-def run(solver="auto", folder=None, resume=False):
-    ply = Ply(MeshQuad().refined(2), Fabric(1e4, shear=1.0), Full())
-    conditions = {
-        "clamp": Condition(lambda X: X[1] == 0),
-        "pull": Condition(lambda X: X[1] == 1, pulled),
-    }
-    stepper = LoadStepper(ply, conditions, 2, solver=solver, checkpoint=folder)
-    return stepper.run(resume)
+def run(folder=None, resume=False):
+    return LoadStepper(*pulled(0.05), 2, checkpoint=folder).run(resume)
 
 
 def test_a_measurement_is_timed_but_not_counted_as_a_factorisation(two, monkeypatch):
@@ -467,9 +447,7 @@ def test_without_rslab_superlu_solves(monkeypatch):
     monkeypatch.setitem(sys.modules, "rslab", None)
     assert chosen(100).name == "superlu"
     assert pivoting_solver() is SuperLU
-    scene = strip(size=(4, 6))
-    ply = Ply(scene.mesh, Fabric(1e4), Full())
-    result = LoadStepper(ply, scene.conditions, 1).run()
+    result = run()
     assert result.converged
     assert result.solver.name == "superlu"
 
@@ -494,8 +472,8 @@ def test_rslab_takes_the_number_of_threads_from_the_environment(
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="it forks")
 def test_a_forked_process_uses_superlu():
     """RSLAB would wait forever for threads that do not survive the fork."""
-    lower = identity(100, format="csc")
-    factors = ChosenSolver("rslab", lower, natural(lower)).factorise(lower.data)
+    solver, lower = unfactorised(100, "rslab")
+    factors = solver.factorise(lower.data)
     if not (child := os.fork()):
         signal.alarm(20)
         with pytest.raises(RuntimeError, match="cannot be used in a forked process"):
@@ -509,26 +487,39 @@ def test_a_forked_process_uses_superlu():
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("seed", range(3))
-def test_inertia_and_solution_do_not_depend_on_the_unit_of_force(
-    factorised, seed, unit
-):
+def test_inertia_and_solution_do_not_depend_on_the_unit_of_force(name, seed, unit):
     """A net of random stiffnesses from 1e-5 to 1e5, softened below zero in places."""
     A = unit * (springs(seed, 10, softened=0.1) + 1e-3 * identity(144))
     d = np.abs(A.diagonal()) ** -0.5
     scaled = diags(d) @ A @ diags(d)
-    factors, x = factorised(A), np.random.default_rng(seed).standard_normal(144)
+    factors, x = factorised(name, A), np.random.default_rng(seed).standard_normal(144)
     assert factors.negative_pivots == np.sum(np.linalg.eigvalsh(scaled.toarray()) < 0)
     b = A @ x
     assert np.abs(A @ factors.solve(b) - b).max() <= 1e-9 * np.abs(b).max()
 
 
-def test_options_apply_to_mumps():
-    petsc, lower = pytest.importorskip("petsc4py.PETSc"), identity(4, format="csc")
-    option = f"{PREFIX}mat_mumps_icntl_14"
-    petsc.Options()[option] = 200
+@contextmanager
+def petsc_option(name, value):
+    """Set an option in PETSc's database."""
+    petsc = pytest.importorskip("petsc4py.PETSc")
+    petsc.Options()[PREFIX + name] = value
     try:
-        solver = solver_named("petsc")(lower, natural(lower))
-        assert solver.factorise(lower.data).definite
+        yield
     finally:
-        petsc.Options().delValue(option)
-    assert solver.ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == 200
+        petsc.Options().delValue(PREFIX + name)
+
+
+def test_options_apply_to_mumps():
+    with petsc_option("mat_mumps_icntl_14", 200):
+        lower = identity(4, format="csc")
+        solver = solver_for("petsc", lower)
+        assert solver.factorise(lower.data).definite
+    assert solver._analysed.ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == 200
+
+
+def test_an_iterative_method_leads_to_the_same_state():
+    with petsc_option("pc_type", "gamg"):
+        stepper = LoadStepper(*pulled(0.3), 1, solver="petsc")
+        u = stepper.run().u
+    assert stepper.problem.system.solver._analysed.iterative
+    np.testing.assert_allclose(u, LoadStepper(*pulled(0.3), 1).run().u, atol=1e-9)

@@ -26,7 +26,6 @@ from skfem_textile import (
     scenes,
 )
 from skfem_textile.mesh.bases import GAUSS, quad_basis
-from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import check_solver, solver_named
 from skfem_textile.solve.linear import solver as linear
@@ -53,12 +52,6 @@ def test_a_condition_in_space_has_three_components(condition, text):
         Constraints(IN_SPACE, {"c": condition}).fixed_values(1.0)
 
     refused(resolved, f"condition 'c'.*{text}")
-
-
-def test_a_missing_boundary_is_reported_with_all_names():
-    basis = quad_basis(with_named_nodes(SQUARE, {"inner": np.array([9])}), GAUSS)
-    text = r"no boundary 'x\\n' .*'top', 'inner'\)"
-    refused(lambda: Condition("x\n").nodes("a", basis), text)
 
 
 # States and displacements of another ply

@@ -186,27 +186,6 @@ def test_the_artificial_share_of_a_homogeneous_state_is_zero(caplog, name):
     assert largest(result, "top_reaction") < 0.1
 
 
-def test_the_artificial_share_of_stretched_fibres_is_zero(caplog):
-    """The rollers have no force at all."""
-    mesh = split(MeshQuad().refined(2).with_defaults())
-    conditions = {
-        "bottom": Condition("bottom", 0.0, (0, 1)),
-        "left": Condition("left", 0.0, (1, 0)),
-        "top": Condition("top", 0.01, (0, 1)),
-    }
-    ply = Ply(mesh, Fabric(1e4), Macro())
-    result = LoadStepper(ply, conditions, 2).run()
-    assert not reported(caplog)
-    assert result.states[-1].reactions["top"][1] > 90
-    for of in result.states[-1].shares:
-        assert largest(result, of) < 1e-6
-
-
-def test_the_artificial_share_at_rest_is_zero():
-    rest = case(trellis, "macro", 4).run().states[0]
-    assert {x for by_role in rest.shares.values() for x in by_role.values()} == {0.0}
-
-
 def test_reactions_due_to_stabilisation_are_reported(caplog):
     """One corner of a square is moved along the other family, which is soft."""
     mesh = MeshQuad().with_defaults()
@@ -225,20 +204,6 @@ def test_a_load_is_not_an_internal_part():
     loaded, u = ply.with_terms(Force("top", (0.0, 1.0))), random_u(ply, 2)
     energies = [[part.energy for part in each.parts(u)] for each in (ply, loaded)]
     assert energies[0] == energies[1]
-
-
-def test_a_resumed_run_has_the_same_shares(tmp_path):
-    this = case(bias_extension, "macro", 4)
-    whole = this.stepper(tmp_path / "a").run()
-    again = this.stepper(tmp_path / "a").run(resume=True)
-    assert [s.shares for s in again.states] == [s.shares for s in whole.states]
-    assert whole.states[-1].shares["work"]["deviation"] > 0
-    rows = whole.history()
-    assert (
-        rows[-1]["work_share_of_deviation"]
-        == (whole.states[-1].shares["work"]["deviation"])
-    )
-    assert "top_reaction_share_of_stabilisation" in rows[0]
 
 
 def held_at_a_node(refinements):

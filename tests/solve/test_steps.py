@@ -1,6 +1,9 @@
-"""Steps of a run: settings, halving, errors of users, messages."""
+"""Steps of a run: halving, errors of users, and the path that they follow."""
 
+import json
+import logging
 import sys
+from dataclasses import asdict, replace
 from itertools import count
 
 import numpy as np
@@ -10,16 +13,27 @@ from skfem import MeshQuad
 from skfem_textile import (
     Condition,
     Fabric,
+    Force,
     Full,
     Linear,
     LoadStepper,
+    Macro,
     Newton,
+    OnePoint,
     Ply,
+    Pretensioned,
+    Quadratic,
+    Sin2,
     StepError,
 )
 from skfem_textile.ply.terms import Term
-from skfem_textile.solve.states import NoEquilibriumError, UserError
+from skfem_textile.scenes import bias_extension, strip
+from skfem_textile.solve.continuation import Continuation, loads_drive
+from skfem_textile.solve.states import NoEquilibriumError, State, UserError, Verdict
+from skfem_textile.solve.verdict import CHECKS
+from tests.helpers import Locking
 from tests.helpers.pulled import CLAMP, ShortSteps, load_factors, pulled
+from tests.helpers.tools import problem_of
 
 # Steps: halved on failure, increased again, and stops of a run
 
@@ -27,24 +41,21 @@ from tests.helpers.pulled import CLAMP, ShortSteps, load_factors, pulled
 class LimitedAtFirst(Newton):
     """Fails beyond the first tenth of the path unless steps are short."""
 
-    def solve(self, problem, start, fixed_values, most_projected, report):
+    def solve(self, problem, start, fixed_values, *others):
         at = np.abs(start.u).max()
         if at < 0.05 and fixed_values.max() - at > 0.03:
             raise NoEquilibriumError("too long")
-        return super().solve(problem, start, fixed_values, most_projected, report)
+        return super().solve(problem, start, fixed_values, *others)
 
 
 def test_a_failed_step_is_halved_and_counted():
-    ply, conditions = pulled(0.5)
-    result = LoadStepper(ply, conditions, 1, method=ShortSteps()).run()
+    result = LoadStepper(*pulled(0.5), 1, method=ShortSteps()).run()
     assert load_factors(result) == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert result.steps_cut == result.summary()["steps_cut"] >= 2
 
 
 def test_steps_grow_again_and_land_on_the_requested_load_factors():
-    ply, conditions = pulled(0.5)
-    result = LoadStepper(ply, conditions, 5, method=LimitedAtFirst()).run()
-    reached = load_factors(result)
+    reached = load_factors(LoadStepper(*pulled(0.5), 5, method=LimitedAtFirst()).run())
     assert set(np.linspace(0, 1, 6)) <= set(reached)
     assert np.diff(reached).min() < 0.06
     np.testing.assert_allclose(np.diff(reached)[-3:], 0.2)
@@ -57,31 +68,29 @@ def test_a_run_that_cannot_continue_reports_it_and_keeps_its_states():
     conditions = CLAMP | {"push": Condition("top", -2.0, (0, 1))}
     words = r"stopped at load factor 0\.\d+ \(.* mm\): no acceptable state at load"
     with pytest.raises(StepError, match=words) as e:
-        LoadStepper(
-            ply, conditions, steps=4, max_halvings=0, method=Newton(most=4)
-        ).run()
+        LoadStepper(ply, conditions, 4, max_halvings=0, method=Newton(most=4)).run()
     result = e.value.result
     assert not result.converged
     assert result.states[-1].load_factor >= 0.25
     assert result.linear_solves > sum(s.linear_solves for s in result.states)
-    assert ply.area_ratio(result.u).min() > 0
+    assert result.ply.area_ratio(result.u).min() > 0
 
 
 def test_an_invalid_intermediate_value_ends_the_run_and_keeps_its_states():
-    ply, conditions = pulled(
-        lambda X, t: 0.5 * t + (np.nan if t == 0.75 else 0.0) * X[0]
-    )
-    stepper = LoadStepper(ply, conditions, 2, method=ShortSteps())
-    with pytest.raises(StepError, match=r"not finite at load factor 0\.75") as error:
-        stepper.run()
+    def value(X, t):
+        return 0.5 * t + (np.nan if t == 0.75 else 0.0) * X[0]
+
+    words = r"mm\): condition 'pull': the value is not finite at load factor 0\.75$"
+    with pytest.raises(StepError, match=words) as error:
+        LoadStepper(*pulled(value), 2, method=ShortSteps()).run()
     assert error.value.result.states[-1].load_factor == 0.5
 
 
 class StuckBeyondHalf(Newton):
-    def solve(self, problem, start, fixed_values, most_projected, report):
+    def solve(self, problem, start, fixed_values, *others):
         if fixed_values.max() > 0.25:
             raise NoEquilibriumError("stuck")
-        return super().solve(problem, start, fixed_values, most_projected, report)
+        return super().solve(problem, start, fixed_values, *others)
 
 
 @pytest.mark.parametrize("halvings", [0, 2])
@@ -94,13 +103,11 @@ def test_a_run_that_fails_counts_the_steps_that_it_cut(halvings):
 
 
 def test_an_interrupted_run_keeps_its_states():
-    ply, conditions = pulled(0.5)
-
     def interrupt(state):
         if state.load_factor == 0.5:
             raise KeyboardInterrupt
 
-    stepper = LoadStepper(ply, conditions, 4, on_step=interrupt)
+    stepper = LoadStepper(*pulled(0.5), 4, on_step=interrupt)
     with pytest.raises(KeyboardInterrupt):
         stepper.run()
     assert load_factors(stepper.result) == [0.0, 0.25, 0.5]
@@ -122,36 +129,15 @@ def interrupt_at(number):
 
 @pytest.mark.parametrize("number", range(0, 78, 11))
 def test_a_run_may_be_interrupted_during_its_start(number):
-    ply, conditions = pulled(0.5)
-    stepper = LoadStepper(ply, conditions, 1)
+    stepper = LoadStepper(*pulled(0.5), 1)
     interrupt_at(number)
     with pytest.raises(KeyboardInterrupt):
         stepper.run()
     assert stepper.run().converged
 
 
-def test_a_function_that_fails_at_an_intermediate_load_stops_the_run():
-    """At a load factor that only halving reaches."""
-
-    def value(X, t):
-        return np.full(X.shape[1], 1.5 * t if t in (0, 1) else {}["x\ny"])
-
-    mesh = MeshQuad().refined(1).with_defaults()
-    stepper = LoadStepper(
-        Ply(mesh, Fabric(1e4, 1.0), Full()),
-        {"clamp": Condition("bottom"), "c": Condition("top", value, (0, -1))},
-        steps=1,
-    )
-    with pytest.raises(StepError, match=r"'c': the value raised KeyError: .x.+y.$"):
-        stepper.run()
-
-
-# Invalid settings of a run are rejected before it begins
-
-
 def test_no_result_exists_before_a_run():
-    ply, conditions = pulled(0.5)
-    stepper = LoadStepper(ply, conditions)
+    stepper = LoadStepper(*pulled(0.5))
     assert stepper.states == ()
     with pytest.raises(RuntimeError, match="has not been run"):
         _ = stepper.result
@@ -175,17 +161,6 @@ class Failing(Term):
 
     def tangent(self, u, t, p):
         return None
-
-
-class FailingLaw(Linear):
-    """A shear law that raises once it is switched to fail."""
-
-    failing = False
-
-    def value(self, x):
-        if FailingLaw.failing:
-            raise ZeroDivisionError
-        return super().value(x)
 
 
 def test_a_term_that_raises_ends_the_run_and_keeps_earlier_states():
@@ -212,32 +187,6 @@ def test_a_term_that_raises_is_not_checkpoint_damage(tmp_path, monkeypatch):
         LoadStepper(ply, conditions, 4, checkpoint=tmp_path).run(resume=True)
 
 
-def test_a_law_that_raises_ends_the_run_and_keeps_earlier_states(monkeypatch):
-    mesh = MeshQuad().refined(2).with_defaults()
-    ply = Ply(mesh, Fabric(10.0, FailingLaw(1.0)), Full())
-
-    def fail(state):
-        monkeypatch.setattr(FailingLaw, "failing", state.load_factor >= 0.5)
-
-    conditions = CLAMP | {"pull": Condition("top", (0.4, 0.0))}
-    stepper = LoadStepper(ply, conditions, 4, on_step=fail)
-    words = r"at load factor 0.5.*: ZeroDivisionError \(value, line"
-    with pytest.raises(StepError, match=words):
-        stepper.run()
-    assert stepper.states[-1].load_factor == 0.5
-
-
-def test_a_callback_that_raises_ends_the_run_and_keeps_its_state():
-    def stop(state):
-        if state.load_factor >= 0.5:
-            raise LookupError("seen enough")
-
-    stepper = LoadStepper(*pulled(0.3), 4, on_step=stop)
-    with pytest.raises(StepError, match="LookupError: seen enough \\(stop, line"):
-        stepper.run()
-    assert stepper.states[-1].load_factor == 0.5
-
-
 def test_a_callback_cannot_change_a_state():
     def spoil(state):
         state.u.fill(0)
@@ -246,3 +195,171 @@ def test_a_callback_cannot_change_a_state():
     with pytest.raises(StepError, match=r"ValueError: .*read-only"):
         stepper.run()
     assert np.abs(stepper.result.u).max() > 0.1
+
+
+# Another number of steps leads to the same equilibrium, or the result reports it
+
+
+def loaded(scene, formulation, steps, shear=0.0, tension=1e4, **options):
+    fabric = Fabric(tension, shear, scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, formulation or Macro())
+    return LoadStepper(ply, scene.conditions, steps, **options).run()
+
+
+@pytest.mark.slow
+def test_the_strip_has_the_same_final_state_for_any_number_of_steps():
+    """Without a path, 2 steps ended at 1.790 N·mm and 20 at 1.265."""
+    results = [loaded(strip(), OnePoint(1.0), steps) for steps in (1, 2)]
+    for result in results:
+        assert result.path_resolved
+        assert result.states[-1].verdict.stable
+        assert energy_of(result) == pytest.approx(1.2650745, rel=1e-6)
+        reaction = result.states[-1].forces["right"][0]
+        assert reaction == pytest.approx(3.06595, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("scene", "steps"), [(strip(size=(5, 8)), 6), (bias_extension(size=(4, 8)), 1)]
+)
+def test_an_easy_path_has_no_extra_cost(scene, steps, monkeypatch):
+    result = loaded(scene, Full(), steps, 0.5)
+    assert result.path_resolved
+    monkeypatch.setattr(Continuation, "most_projected", lambda *_: np.inf)
+    monkeypatch.setattr(Continuation, "accepts", lambda *_: True)
+    assert loaded(scene, Full(), steps, 0.5).linear_solves == result.linear_solves
+
+
+@pytest.mark.parametrize(
+    ("formulation", "law", "degrees"),
+    [
+        (OnePoint(), Sin2(0.5), 60.0),
+        pytest.param(Macro(), Locking(0.5, 0.6), 30.0, marks=pytest.mark.slow),
+        pytest.param(Macro(), Sin2(0.5), 60.0, marks=pytest.mark.slow),
+        pytest.param(Macro(), Linear(0.5), 60.0, marks=pytest.mark.slow),
+        pytest.param(OnePoint(), Locking(0.5, 0.3), 15.5, marks=pytest.mark.slow),
+    ],
+)
+def test_load_and_energy_are_independent_of_the_step_size(formulation, law, degrees):
+    """C_s and E_d follow the state, or a run reports that its path is in doubt."""
+    scene = bias_extension(size=(3, 6), shear_angle=np.radians(degrees))
+    few, more, many = (loaded(scene, formulation, n, law) for n in (1, 4, 8))
+    assert many.path_resolved
+    assert more.path_resolved
+    for result in (few, more):
+        if result.path_resolved:
+            assert load_of(result) == pytest.approx(load_of(many), rel=0.005)
+            assert energy_of(result) == pytest.approx(energy_of(many), rel=0.005)
+
+
+def load_of(result):
+    return result.states[-1].reactions["top"][1]
+
+
+def energy_of(result):
+    return result.history()[-1]["energy"]
+
+
+def test_energy_is_independent_of_the_number_of_steps_if_reactions_cancel():
+    """One condition fixes both ends: the sum of its forces is zero."""
+    scene = bias_extension(size=(2, 4), shear_angle=np.radians(50))
+    ends = [scene.mesh.p[1].min(), scene.mesh.p[1].max()]
+    held = Condition(
+        lambda X: np.isin(X[1], ends),
+        lambda X, t: np.where(X[1] == ends[1], scene.displacement(X, t), 0.0),
+    )
+    scene = replace(scene, conditions={"ends": held})
+    one, eight = (loaded(scene, Quadratic(80.0), n, Sin2(0.5)) for n in (1, 8))
+    assert one.path_resolved
+    assert energy_of(one) == pytest.approx(energy_of(eight), rel=0.005)
+
+
+def test_a_reaction_along_stiff_fibres_is_independent_of_the_number_of_steps():
+    """If the energy changes by a thousandth, the reaction changes by a tenth."""
+    scene, tension = strip(size=(3, 4)), Pretensioned(Linear(1e5), 1.0)
+    few, many = (loaded(scene, None, n, 0.5, tension) for n in (2, 5))
+    reactions = [np.array([*r.states[-1].forces.values()]) for r in (few, many)]
+    assert few.path_resolved
+    assert np.abs(reactions[0] - reactions[1]).max() < 0.005 * np.abs(reactions).max()
+
+
+def test_energy_is_independent_of_the_load_history():
+    """Up to 60 degrees and back to 6, and straight to 6."""
+    scene = bias_extension(size=(2, 4), seed=0, shear_angle=np.radians(60))
+
+    def pulled(path, steps):
+        top = Condition("top", lambda X, t: scene.displacement(X, path(t)))
+        conditions = scene.conditions | {"top": top}
+        return loaded(replace(scene, conditions=conditions), Macro(), steps, 0.5)
+
+    back = pulled(lambda t: min(2 * t, 1.9 - 1.8 * t), 6)
+    straight = pulled(lambda t: 0.1 * t, 2)
+    assert back.path_resolved
+    assert energy_of(back) == pytest.approx(energy_of(straight), rel=0.005)
+    assert load_of(back) == pytest.approx(load_of(straight), rel=0.005)
+
+
+def test_a_released_ply_has_no_energy_and_no_warning(caplog):
+    scene = bias_extension(size=(4, 8))
+    top = Condition("top", lambda X, t: scene.displacement(X, 1 - abs(2 * t - 1)))
+    scene = replace(scene, conditions=scene.conditions | {"top": top})
+    with caplog.at_level(logging.WARNING, logger="skfem_textile"):
+        result = loaded(scene, Macro(), 4, 0.5)
+    assert result.path_resolved
+    assert abs(energy_of(result)) < 1e-9 * result.history()[2]["energy"]
+    assert not caplog.records
+
+
+def test_the_papers_rates_depend_on_the_number_of_steps():
+    assert not loaded(strip(size=(3, 4)), OnePoint(10.0, "rate"), 4).path_resolved
+
+
+def state(t, energy, force):
+    """A state with an energy and a force at a load factor."""
+    verdict, energies = Verdict(0, 1.0, 0.0, 0.0, 0.0), {"tension": energy}
+    arguments = t, np.zeros(4), {}, {}, energies, 1, (), 0.0, verdict
+    return State(*arguments, forces={"top": np.array([0.0, force])})
+
+
+@pytest.mark.parametrize(
+    ("energy", "force", "projected", "resolved"),
+    [
+        (1.009, 2.0, 2, True),
+        (1.02, 2.0, 2, False),
+        (1.0, 2.03, 2, False),
+        (1.0, 2.0, 3, False),
+    ],
+)
+def test_a_hard_step_must_agree_with_its_halves_within_1_per_cent(
+    energy, force, projected, resolved
+):
+    path, step = Continuation(1.0, 8, True, next=1.0), 2.0**-6
+    assert not path.accepts(step, state(step, 1.0, 2.0), projected=3, settled=True)
+    assert path.end(0.0, 1.0) == path.next == step / 2
+    assert path.accepts(step / 2, state(step / 2, 0.5, 1.0), projected, settled=True)
+    path.next = 1.0
+    assert path.end(step / 2, 1.0) == step
+    assert path.accepts(step / 2, state(step, energy, force), projected=0, settled=True)
+    assert (not path.unresolved) == resolved
+    assert path.end(step, 1.0) == 1.0
+
+
+def test_a_path_is_saved_and_resumed():
+    path = Continuation(1.0, 8, True, next=1.0, unresolved=[0.5])
+    path.accepts(2.0**-6, state(2.0**-6, 1.0, 2.0), projected=3, settled=True)
+    assert path.to_compare
+    assert Continuation.of(json.loads(json.dumps(asdict(path)))) == path
+
+
+def test_a_method_without_difficulty_measure_leaves_the_path_unresolved():
+    scene = strip(size=(2, 3), seed=0)
+    options = {"method": "plain", "warn_only": list(CHECKS)}
+    assert not loaded(scene, OnePoint(1.0), 1, **options).path_resolved
+
+
+@pytest.mark.parametrize(("share", "drives"), [(1.9, True), (2.1, False)])
+def test_loads_drive_a_ply_if_their_work_is_half_of_its_energy(share, drives):
+    ply, conditions = pulled(0.5)
+    ply = ply.with_terms(Force("right", (1.0, 0.0)))
+    u, problem = np.full(ply.basis.N, 0.01), problem_of(ply, conditions).at(1.0)
+    energies = {"tension": share * float(ply.load(u, 1.0) @ u)}
+    assert loads_drive(problem, u, ply.parameters_at_rest, energies, True) == drives

@@ -39,7 +39,7 @@ class Pardiso(LatestFactors):
 
         # The lower triangle in CSC is the upper one in CSR.
         self._A = csr_matrix((lower.data, lower.indices, lower.indptr), lower.shape)
-        self.pardiso = solver = PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
+        self._pardiso = solver = PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
         solver.perm = (1 + unknowns.order).astype(np.int32)
         solver.set_iparm(_OWN_PARAMETERS, 1)
         solver.set_iparm(_ORDER_GIVEN, 1)
@@ -48,13 +48,27 @@ class Pardiso(LatestFactors):
         # The next solvers need not search the environment for the library again.
         os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)
         finalize(self, solver.free_memory, everything=True)
-        self.call(_ANALYSE)
+        self._call(_ANALYSE)
 
-    def factorise(self, data: ndarray) -> "PardisoFactors":
-        """Factors of the matrix with the entries ``data``."""
-        return PardisoFactors(self, data)
+    def factorised(self, data: ndarray) -> tuple[int | None, None]:
+        """Inertia; the factors remain in the library."""
+        from pypardiso.pardiso_wrapper import PyPardisoError
 
-    def call(
+        try:
+            self._call(_FACTORISE, data)
+        except PyPardisoError as error:
+            if error.value != _ZERO_PIVOT:
+                raise
+            return None, None
+        parameter = self._pardiso.get_iparm
+        return None if parameter(_SMALLER) else int(parameter(_NEGATIVE)), None
+
+    def solution(self, of: CountedPivots, b: ndarray) -> ndarray:
+        """Solution, refined if A is indefinite."""
+        self._pardiso.set_iparm(_REFINEMENTS, REFINEMENTS if of.negative else 0)
+        return self._call(_SOLVE, of.data, b)
+
+    def _call(
         self, phase: int, data: ndarray | None = None, b: ndarray | None = None
     ) -> ndarray:
         """One phase of the solver."""
@@ -62,34 +76,6 @@ class Pardiso(LatestFactors):
             self._A.data = data
         if not self._A.nnz:
             return np.empty(0)
-        self.pardiso.set_phase(phase)
+        self._pardiso.set_phase(phase)
         none = np.zeros(self._A.shape[0])
-        return self.pardiso._call_pardiso(self._A, none if b is None else b)
-
-
-class PardisoFactors(CountedPivots):
-    """See `Factors`."""
-
-    def refactorise(self) -> None:
-        """Factors and inertia."""
-        from pypardiso.pardiso_wrapper import PyPardisoError
-
-        self._negative = None
-        try:
-            self._solver.call(_FACTORISE, self._data)
-        except PyPardisoError as error:
-            if error.value != _ZERO_PIVOT:
-                raise
-        else:
-            parameter = self._solver.pardiso.get_iparm
-            if parameter(_SMALLER) == 0:
-                self._negative = int(parameter(_NEGATIVE))
-
-    def discard(self) -> None:
-        """Do nothing: the next factors take the place of these."""
-
-    def solution(self, b: ndarray) -> ndarray:
-        """Solution, refined if A is indefinite."""
-        refinements = REFINEMENTS if self._negative else 0
-        self._solver.pardiso.set_iparm(_REFINEMENTS, refinements)
-        return self._solver.call(_SOLVE, self._data, b)
+        return self._pardiso._call_pardiso(self._A, none if b is None else b)

@@ -38,7 +38,9 @@ class PETSc(LatestFactors):
     The options of PETSc apply with the prefix `PREFIX`; an iterative method is selected
     by ``-skfem_textile_pc_type gamg``, for example, with conjugate gradients unless
     ``ksp_type`` is given.  MUMPS solves the systems that are then found indefinite or
-    for which the iteration does not converge.  All calls are collective.
+    for which the iteration does not converge.  A matrix counts as definite if the
+    iteration converges for a random right-hand side b, with b·x > 0, which does not
+    prove it.  All calls are collective.
 
     Parameters
     ----------
@@ -86,10 +88,6 @@ class PETSc(LatestFactors):
                 self.ksp.setType("cg")
             self._set_near_null_space(unknowns.motions)
 
-    def factorise(self, data: ndarray) -> "PETScFactors":
-        """Factors of the matrix with the entries ``data``."""
-        return PETScFactors(self, data)
-
     @cached_property
     def _direct(self) -> Any:
         return self._mumps() if self.iterative else self.ksp
@@ -122,21 +120,25 @@ class PETSc(LatestFactors):
             factors.setMumpsCntl(i, real)
         return ksp
 
-    def set_up(self, data: ndarray) -> tuple[Any, int | None]:
-        """PETSc's solver of the matrix with entries ``data``, and the inertia.
-
-        The inertia is None if the matrix is singular.
-        """
+    def factorised(self, data: ndarray) -> tuple[int | None, Any]:
+        """Inertia, and PETSc's solver of the matrix."""
         if not len(data):
-            return self.ksp, 0
+            return 0, self.ksp
         self._A.setValuesCSR(*self._csr, data[self._slots])
         self._A.assemble()
         if self.iterative:
             b = np.random.default_rng(0).standard_normal(self.lower.shape[0])
-            x = self.solve(self.ksp, b)
+            x = self._solve(self.ksp, b)
             if x is not None and b @ x > 0:
-                return self.ksp, 0
-        return self._direct, self._inertia()
+                return 0, self.ksp
+        return self._inertia(), self._direct
+
+    def solution(self, of: CountedPivots, b: ndarray) -> ndarray:
+        """Solution of A x = b by MUMPS or the iterative method."""
+        x = self._solve(of.factors, b)
+        if x is None:
+            raise RuntimeError("PETSc: the iterative method did not converge")
+        return x
 
     def _inertia(self) -> int | None:
         """Number of negative pivots; None if the matrix is singular."""
@@ -150,7 +152,7 @@ class PETSc(LatestFactors):
         negative, null, _ = factors.getInertia()
         return None if null else negative
 
-    def solve(self, ksp: Any, b: ndarray) -> ndarray | None:
+    def _solve(self, ksp: Any, b: ndarray) -> ndarray | None:
         """The whole solution; None if the iteration did not converge."""
         if not len(b):
             return b
@@ -160,29 +162,6 @@ class PETSc(LatestFactors):
             return None
         self._gather.scatter(self._x, self._whole)
         return self._whole.getArray().copy()
-
-
-class PETScFactors(CountedPivots):
-    """See `Factors`.
-
-    With MUMPS, ``definite`` is True if all pivots are positive.  With an iterative
-    method it is True if the method converges for a random right-hand side b, with
-    b·x > 0, which does not prove it.
-    """
-
-    def refactorise(self) -> None:
-        """Factors and inertia, or a preconditioner."""
-        self._ksp, self._negative = self._solver.set_up(self._data)
-
-    def discard(self) -> None:
-        """Nothing to free: the next factorisation reuses the memory."""
-
-    def solution(self, b: ndarray) -> ndarray:
-        """Solution of A x = b by MUMPS or the iterative method."""
-        x = self._solver.solve(self._ksp, b)
-        if x is None:
-            raise RuntimeError("PETSc: the iterative method did not converge")
-        return x
 
 
 def _destroy(objects: list[Any]) -> None:

@@ -56,39 +56,22 @@ class Rslab(LatestFactors):
             preconditioner=ROUND_OFF,
         )
 
-    def factorise(self, data: ndarray) -> "RslabFactors":
-        """Factors of the matrix with the entries ``data``."""
-        return RslabFactors(self, data)
+    def factorised(self, data: ndarray) -> tuple[int | None, Any]:
+        """Inertia and factors; pivots below round-off are counted."""
+        self._refuse_fork()
+        ldlt = self._analysis.factor(data)
+        return None if ldlt.n_perturbed else ldlt.inertia[1], ldlt
 
-    def ldlt(self, data: ndarray) -> Any:
-        """Factors computed by RSLAB, with pivots below round-off counted."""
-        self.refuse_fork()
-        return self._analysis.factor(data)
+    def solution(self, of: CountedPivots, b: ndarray) -> ndarray:
+        """Solution, refined if A is indefinite."""
+        self._refuse_fork()
+        refinements = REFINEMENTS if of.negative else 0
+        return of.factors.solve(b, refine=refinements, target=_BACKWARD_ERROR)
 
-    def refuse_fork(self) -> None:
+    def _refuse_fork(self) -> None:
         """Raise an error in a forked process: RSLAB would wait for its threads."""
         if os.getpid() != self._process:
             raise RuntimeError(FORKED)
-
-
-class RslabFactors(CountedPivots):
-    """See `Factors`."""
-
-    def refactorise(self) -> None:
-        """Factors and inertia."""
-        self._ldlt = self._solver.ldlt(self._data)
-        n_negative = self._ldlt.inertia[1]
-        self._negative = None if self._ldlt.n_perturbed else n_negative
-
-    def discard(self) -> None:
-        """Free the memory of the factors."""
-        del self._ldlt
-
-    def solution(self, b: ndarray) -> ndarray:
-        """Solution, refined if A is indefinite."""
-        self._solver.refuse_fork()
-        refinements = REFINEMENTS if self._negative else 0
-        return self._ldlt.solve(b, refine=refinements, target=_BACKWARD_ERROR)
 
 
 def _threads() -> int | None:

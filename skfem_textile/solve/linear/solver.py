@@ -67,6 +67,8 @@ class SolverEntry:
         Command that installs the package; empty for pip.
     pivots_anywhere
         True if pivots of indefinite matrices are not restricted to blocks of columns.
+    definite_only
+        True if the `pivoting_solver` takes over matrices that are not definite.
     """
 
     path: str
@@ -75,6 +77,7 @@ class SolverEntry:
     rival: bool
     install: str = ""
     pivots_anywhere: bool = False
+    definite_only: bool = False
 
     @property
     def package(self) -> str:
@@ -92,7 +95,9 @@ class SolverEntry:
 #: memory of the others, see ``docs/benchmarks/speed.md``, so it is not
 #: measured.  PETSc follows SuperLU, so that ``auto`` never selects it.
 SOLVERS = {
-    "cholmod": SolverEntry("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
+    "cholmod": SolverEntry(
+        "cholmod:Cholmod", "cvxopt.cholmod", 500, True, definite_only=True
+    ),
     "pardiso": SolverEntry("pardiso:Pardiso", "pypardiso", 20_000, True),
     "rslab": SolverEntry("rslab:Rslab", "rslab", 0, True),
     "superlu": SolverEntry("superlu:SuperLU", "scipy", 0, False, pivots_anywhere=True),
@@ -181,54 +186,63 @@ class LatestFactors:
     # Weak, so that memory is freed without waiting for garbage collection of cycles.
     _kept: ref | None = None
 
-    def hold(self, factors: Any) -> None:
+    def factorise(self, data: ndarray) -> "CountedPivots":
+        """Factors of the matrix with the entries ``data``."""
+        factors = CountedPivots(self, data)
+        self.hold(factors)
+        return factors
+
+    def hold(self, factors: "CountedPivots") -> None:
         """Keep these factors and discard others."""
-        kept: Any = self._kept() if self._kept else None
+        kept = self._kept() if self._kept else None
         if kept is None or kept is not factors:
             if kept is not None:
-                kept.discard()
+                kept.factors = None
             self._kept = None  # in case the factorisation fails
-            factors.refactorise()
+            factors.negative, factors.factors = self.factorised(factors.data)
             factors.factorisations += 1
             self._kept = ref(factors)
 
+    def factorised(self, data: ndarray) -> tuple[int | None, Any]:
+        """Factorise a matrix: number of negative pivots, and factors to keep, if any.
+
+        The number is None if the matrix is singular.
+        """
+        raise NotImplementedError
+
+    def solution(self, of: "CountedPivots", b: ndarray) -> ndarray:
+        """Solution of a regular system by the present factors."""
+        raise NotImplementedError
+
 
 class CountedPivots:
-    """Base of factors whose factorisation counts the negative pivots; see `Factors`.
+    """Factors whose factorisation counts the negative pivots; see `Factors`."""
 
-    `refactorise` sets ``_negative``, their number or None if the matrix is singular,
-    and `solution` solves a regular system.
-    """
+    negative: int | None
+    factors: Any
 
-    _negative: int | None
-
-    def __init__(self, solver: Any, data: ndarray) -> None:
-        self._solver, self._data = solver, data
+    def __init__(self, solver: LatestFactors, data: ndarray) -> None:
+        self._solver, self.data = solver, data
         self.factorisations = 0
-        solver.hold(self)
 
     @property
     def definite(self) -> bool:
         """True if all pivots are positive and above round-off."""
-        return self._negative == 0
+        return self.negative == 0
 
     @property
     def negative_pivots(self) -> int:
         """Inertia computed by the factorisation."""
-        if self._negative is None:
+        if self.negative is None:
             raise SingularMatrixError
-        return self._negative
+        return self.negative
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
-        if self._negative is None:
+        if self.negative is None:
             raise SingularMatrixError
         self._solver.hold(self)
-        return self.solution(b)
-
-    def solution(self, b: ndarray) -> ndarray:
-        """Solution of A x = b by the present factors."""
-        raise NotImplementedError
+        return self._solver.solution(self, b)
 
 
 #: Factory of a solver; arguments as for `Solver`.
@@ -270,8 +284,8 @@ class ScaledFactors:
     """`Factors` of A from factors of S A S with a diagonal matrix S.
 
     Pivots restricted to blocks of columns may amplify round-off without being small, so
-    that solutions of an indefinite system are checked.  If one is wrong, the
-    `pivoting_solver` takes over.
+    that solutions of an indefinite system are checked.  If one is wrong, or the solver
+    factorises definite matrices only, the `pivoting_solver` takes over.
     """
 
     def __init__(self, solver: "ChosenSolver", factors: Factors, scaled: Scaled):
@@ -293,15 +307,17 @@ class ScaledFactors:
     def negative_pivots(self) -> int | None:
         """Number of negative eigenvalues of A and, by Sylvester's law, of S A S."""
         with self._solver.lock:
+            self._require_pivots()
             return self._all[-1].negative_pivots
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
         scale = self._scaled.scale
         with self._solver.lock:
+            self._require_pivots()
             x = self._all[-1].solve(scale * b)
             if not self._is_certain and not self._is_solution(x, scale * b):
-                self._all.append(self._solver.pivoting.factorise(self._scaled.data))
+                self._take_over()
                 x = self._all[-1].solve(scale * b)
                 if not self._is_solution(x, scale * b):
                     raise SingularMatrixError
@@ -310,6 +326,14 @@ class ScaledFactors:
     def __reduce__(self) -> tuple[Callable, tuple]:
         """Factors are pickled as their matrix, and computed again."""
         return self._solver.factors_of, (self._scaled,)
+
+    def _require_pivots(self) -> None:
+        only = SOLVERS[self._solver.choice.name].definite_only
+        if only and len(self._all) == 1 and not self._all[0].definite:
+            self._take_over()
+
+    def _take_over(self) -> None:
+        self._all.append(self._solver.pivoting.factorise(self._scaled.data))
 
     @property
     def _is_certain(self) -> bool:

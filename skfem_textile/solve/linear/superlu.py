@@ -44,18 +44,6 @@ class SuperLU:
         whole = self._whole
         return csc_matrix((data[whole.data], whole.indices, whole.indptr), whole.shape)
 
-    def pivoted(self, data: ndarray) -> Decomposition:
-        """LU factors with pivoting for an indefinite system.
-
-        Raises
-        ------
-        SingularMatrixError
-            If a pivot is zero to working precision.
-        """
-        lu = _decomposed(self.matrix(data), pivoting=0.01)
-        refuse_round_off(np.abs(lu.U.diagonal()))
-        return lu
-
 
 class SuperLUFactors:
     """See `Factors`."""
@@ -90,8 +78,11 @@ class SuperLUFactors:
 
     @cached_property
     def _pivoted(self) -> Decomposition:
+        """LU factors with pivoting for an indefinite system."""
         self.factorisations += 1
-        return self._solver.pivoted(self._data)
+        lu = _decomposed(self._solver.matrix(self._data), pivoting=0.01)
+        refuse_round_off(np.abs(lu.U.diagonal()))
+        return lu
 
 
 def _decomposed(A: csc_matrix, pivoting: float) -> Decomposition:

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers.sheared_runs import interrupted
-from tests.helpers.strip_runs import interrupted_at, stepper
+from tests.helpers import sheared_runs
+from tests.helpers.strip_runs import interrupted, stepper
 
 
 @pytest.fixture(scope="session")
 def half_done(tmp_path_factory):
     """The checkpoint of a run that was interrupted half-way; read-only."""
     folder = tmp_path_factory.mktemp("half done") / "c"
-    interrupted_at(folder, 0.5)
+    interrupted(0.5, stepper, folder)
     return folder
 
 
@@ -40,7 +40,9 @@ def half(half_done, tmp_path):
 @pytest.fixture(scope="session")
 def made(tmp_path_factory):
     """The checkpoint of a run with several states; read-only."""
-    return interrupted(tmp_path_factory.mktemp("sheared") / "run")
+    folder = tmp_path_factory.mktemp("sheared") / "run"
+    interrupted(0.6, sheared_runs.stepper, folder)
+    return folder
 
 
 @pytest.fixture

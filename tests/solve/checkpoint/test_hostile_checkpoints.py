@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -52,25 +52,13 @@ CHECKS = ("work", "stabilisation", "deviation", "corners", "surface")
 
 
 class Settings(NamedTuple):
-    """All settings that determine the result of a run."""
+    """Settings that determine the result of a run."""
 
-    formulation: str = "one-point"
-    cs: float | str = "auto"
-    kind: str = "energy"
-    shear: float = 0.5
-    shear_law: str = "sin2"
-    fibre: float = 1e3
+    formulation: Any = OnePoint()
+    shear: Any = Sin2(0.5)
     steps: int = 3
-    seed: int = 1
     size: tuple[int, int] = (3, 2)
-    moved: float = 0.0
     pull: float = 0.2
-    clamp: str = "bottom"
-    warp: float = 0.0
-    method: str = "newton"
-    max_halvings: int = 8
-    warn_only: tuple[str, ...] = CHECKS
-    solver: str = "superlu"
     weight: float = 0.0
     foundation: float = 0.0
 
@@ -78,41 +66,25 @@ class Settings(NamedTuple):
 # Interrupted runs; they have different history variables, or none.
 BASES = (
     Settings(),
-    Settings(cs=1.0, kind="rate", shear_law="linear"),
-    Settings("full", steps=4, pull=0.1),
-    Settings("quadratic", steps=2, size=(2, 2), pull=0.1, shear=1.0),
+    Settings(OnePoint(1.0, "rate"), shear=0.5),
+    Settings(Full(), steps=4, pull=0.1),
+    Settings(Quadratic(), Sin2(1.0), steps=2, size=(2, 2), pull=0.1),
     Settings(steps=2, size=(2, 2), weight=1e-3, foundation=1e-2),
 )
 
 # Other settings with which a run is resumed.
 OTHERS = (
-    *({"cs": 2.0}, {"cs": 1.0 + 1e-7}, {"kind": "rate", "cs": 1.0}, {"kind": "jumps"}),
-    *({"shear": 0.51}, {"shear_law": "linear"}, {"fibre": 1001.0}, {"steps": 5}),
-    *({"seed": 2}, {"size": (4, 2)}, {"size": (2, 3)}, {"moved": 1e-6}),
-    *({"moved": -1e-3}, {"pull": 0.15}, {"pull": 0.1 + 1e-7}, {"clamp": "left"}),
-    *({"warp": 1e-4}, {"warp": 45.0}, {"formulation": "full"}, {"max_halvings": 7}),
-    *({"formulation": "quadratic"}, {"method": "plain"}, {"warn_only": ()}),
+    *({"formulation": OnePoint(1.0 + 1e-7)}, {"formulation": Full()}, {"steps": 5}),
+    *({"shear": Sin2(0.51)}, {"shear": 0.5}, {"size": (4, 2)}, {"pull": 0.1 + 1e-7}),
     *({"weight": 2e-3}, {"weight": 0.0}, {"foundation": 0.02}, {"foundation": 0.0}),
-    *({"solver": "cholmod"}, {"solver": "pardiso"}, {"moved": 1e-14}),
 )
 
 
 def stepper(s, folder, **options):
     """The load stepper of a run, with its checkpoint in a folder or without one."""
-    mesh = rectangle(3, 2, s.size, "irregular", 0.2, s.seed)
-    p = mesh.p.copy()
-    p[0, len(p[0]) // 2] += s.moved
-    mesh = type(mesh)(p, mesh.t).with_defaults()
-    a, b = np.radians([s.warp, 90.0 + s.warp])
-    fibres = (np.cos(a), np.sin(a)), (np.cos(b), np.sin(b))
-    fabric = Fabric(
-        s.fibre, Sin2(s.shear) if s.shear_law == "sin2" else s.shear, *fibres
-    )
-    if s.formulation == "quadratic":
-        ply = Ply(cut(mesh), fabric, Quadratic())
-    else:
-        one_point = s.formulation == "one-point"
-        ply = Ply(mesh, fabric, OnePoint(s.cs, s.kind) if one_point else Full())
+    mesh = rectangle(3, 2, s.size, "irregular", 0.2, 1)
+    mesh = cut(mesh) if isinstance(s.formulation, Quadratic) else mesh
+    ply = Ply(mesh, Fabric(1e3, s.shear), s.formulation)
     if s.weight:
         ply = ply.with_terms(BodyForce((0.0, -s.weight)))
     if s.foundation:
@@ -123,12 +95,11 @@ def stepper(s, folder, **options):
         )
         ply = ply.with_terms(FormTerm("foundation", forms, ply.basis))
     conditions = {
-        "clamp": Condition(s.clamp),
+        "clamp": Condition("bottom"),
         "pull": Condition("top", s.pull, (1, 0)),
         "level": Condition("top", 0.0, (0, 1)),
     }
-    options |= {"method": s.method, "max_halvings": s.max_halvings}
-    options |= {"warn_only": s.warn_only, "solver": s.solver, "checkpoint": folder}
+    options |= {"warn_only": CHECKS, "solver": "superlu", "checkpoint": folder}
     return LoadStepper(ply, conditions, s.steps, **options)
 
 
@@ -167,21 +138,16 @@ def checkpoint(settings, states, number=0):
 
 def results(states):
     """Physical results of every state, without counts of the solution procedure."""
-
-    def components(vectors):
-        return np.concatenate([np.ravel(v) for v in vectors.values()])
-
+    strains = "max_fibre_strain", "mesh_fibre_strain"
     return [
         {
             "load factor": np.array(s.load_factor),
             "displacement": s.u,
             "energies": np.array(list(s.energies.values())),
-            "reactions": components(s.reactions),
-            "means": components(s.displacements),
+            "reactions": np.array(list(s.reactions.values())),
+            "means": np.array(list(s.displacements.values())),
             "det F": np.array(s.verdict.min_det_F),
-            "strains": np.array(
-                [s.verdict.max_fibre_strain, s.verdict.mesh_fibre_strain]
-            ),
+            "strains": np.array([getattr(s.verdict, name) for name in strains]),
             "work": np.array(s.verdict.work),
         }
         for s in states
@@ -221,15 +187,11 @@ def checkpoints(draw):
         other = draw(st.sampled_from(OTHERS))
         damage = f"{states} states, resumed with {other}"
         return Checkpoint(damage, settings._replace(**other), files)
-    damages = [
-        change_file(draw, files, settings) for _ in range(draw(st.integers(1, 2)))
-    ]
-    replaced = None
+    times = range(draw(st.integers(1, 2)))
+    damages, replaced = [change_file(draw, files, settings) for _ in times], None
     if files and draw(st.integers(0, 9)) == 9:
-        replaced = (
-            draw(st.sampled_from(sorted(files))),
-            draw(st.sampled_from(REPLACEMENTS)),
-        )
+        name = draw(st.sampled_from(sorted(files)))
+        replaced = name, draw(st.sampled_from(REPLACEMENTS))
     return Checkpoint(f"{states} states: {damages}", settings, files, replaced)
 
 
@@ -260,13 +222,7 @@ def change_file(draw, files, settings):
         contents = draw(st.permutations([files[n] for n in states]))
         files.update(zip(states, contents, strict=True))
     else:
-        names = (
-            "notes.txt",
-            ".state_000009.npz",
-            ".run.npz",
-            "state_x.npz",
-            "run.npz.old",
-        )
+        names = ".state_000009.npz", ".run.npz", "state_x.npz", "run.npz.old"
         files[draw(st.sampled_from(names))] = bytes(range(50))
     return f"{name} {kind}"
 
@@ -274,13 +230,8 @@ def change_file(draw, files, settings):
 def another_name(draw):
     number = draw(st.integers(0, 6))
     usual = f"state_{number:06d}.npz"
-    odd = (
-        f"state_{number}.npz",
-        f"state_²{number}.npz",
-        f"state_{10**18}.npz",
-        "run.npz",
-    )
-    return draw(st.sampled_from([usual] * 4 + [*odd]))
+    odd = f"state_{number}.npz", f"state_²{number}.npz", f"state_{10**18}.npz"
+    return draw(st.sampled_from([usual] * 4 + [*odd, "run.npz"]))
 
 
 # Forgery: files are edited with their checksums, independently of the library
@@ -338,17 +289,11 @@ def key_paths(value, path=()):
     return paths + [p for key, item in items for p in key_paths(item, (*path, key))]
 
 
-def with_one_changed(x, path, by):
-    changed = np.array(x)
-    if changed.size:
-        changed.flat[path % changed.size] += by
-    return changed
-
-
 def edit_array(draw, arrays):
     """Change one array, its shape or its kind."""
     name = draw(st.sampled_from(sorted(arrays)))
-    index, by = draw(st.integers(0, 999)), draw(st.sampled_from((1.0, -1.0, 1e-4)))
+    size = arrays[name].size
+    index, by = draw(st.integers(0, size)), draw(st.sampled_from((1.0, -1.0, 1e-4)))
     share = draw(st.sampled_from((1e-5, 1e-2, 1.0)))
     changes = {
         "moved": lambda x: x + share * (1 + np.abs(x).max()),
@@ -357,11 +302,10 @@ def edit_array(draw, arrays):
         "complex": lambda x: x.astype(complex),
         "of single precision": lambda x: x.real.astype(np.float32),
         "of the other byte order": lambda x: x.astype(x.dtype.newbyteorder()),
-        "of whole numbers": lambda x: np.rint(np.nan_to_num(x.real)).astype(int),
         "text": lambda x: x.astype(str),
         "not a number": lambda x: x * np.nan,
         "empty": lambda x: x.ravel()[:0],
-        "with one entry changed": lambda x: with_one_changed(x, index, by),
+        "with one entry changed": lambda x: x + by * (np.arange(x.size) == index),
     }
     change = draw(st.sampled_from([*changes, "removed"]))
     if change == "removed" or arrays[name].dtype.kind not in "fiuc":

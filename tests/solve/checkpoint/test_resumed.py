@@ -17,19 +17,17 @@ from skfem_textile import (
     Condition,
     CrimpInterchange,
     Fabric,
+    Linear,
     LoadStepper,
     Newton,
     OnePoint,
     Ply,
-    Sin2,
     StepError,
 )
 from skfem_textile.cli import main as cli
 from tests import helpers
-from tests.helpers import Coupled, distorted, extended_runs, full_disk
-from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole_run
-
-# An interrupted or killed run is resumed to the same result
+from tests.helpers import Coupled, distorted, extended_runs, full_disk, refused
+from tests.helpers.strip_runs import assert_same, interrupted, stepper, whole_run
 
 
 def test_a_resumed_run_gives_the_same_result_to_the_last_bit(half):
@@ -54,7 +52,7 @@ def in_another_process(tmp_path_factory):
     """States and histories by name of the formulation."""
     folder = tmp_path_factory.mktemp("another process")
     for name in extended_runs.FORMULATIONS:
-        extended_runs.interrupted(name, folder / name)
+        interrupted(0.5, extended_runs.stepper, name, folder / name)
     environment = os.environ | {"PYTHONPATH": str(Path(helpers.__file__).parents[2])}
     command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(folder)]
     subprocess.run(command, env=environment, check=True, timeout=300)
@@ -82,7 +80,8 @@ def test_a_resumed_run_continues_with_its_step_length(tmp_path):
     options = {"steps": 1, "method": Newton(most=1)}
     whole_run = stepper(None, **options).run()
     assert whole_run.steps_cut > 0
-    interrupted_at(tmp_path / "c", whole_run.states[1].load_factor, **options)
+    first = whole_run.states[1].load_factor
+    interrupted(first, stepper, tmp_path / "c", **options)
     assert_same(stepper(tmp_path / "c", **options).run(resume=True), whole_run)
 
 
@@ -172,51 +171,35 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
         ({"E": (1e4, 2e4)}, "weft law was"),
         ({"E": CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0)}, "warp law was Linear"),
         ({"kind": "rate"}, "formulation was .*'energy'.* is .*'rate'"),
-        ({"C_s": "auto"}, "formulation was .*1.0.* is .*'auto'"),
         ({"steps": 7}, "steps was"),
         ({"method": "plain"}, "method was"),
         ({"warn_only": []}, "warn_only was"),
     ],
 )
 def test_a_checkpoint_of_another_run_is_rejected(half, other, reason):
-    with pytest.raises(
-        CheckpointError, match=f"belongs to another run: .*{reason}"
-    ) as error:
-        stepper(half, **other).run(resume=True)
-    assert "\n" not in str(error.value)
+    refused(
+        lambda: stepper(half, **other).run(resume=True),
+        f"belongs to another run: .*{reason}",
+    )
 
 
-class Hidden:
+class HiddenCoupling(Coupled):
     """A law whose repr does not contain its values."""
 
     def __repr__(self):
         return "Hidden()"
 
 
-class HiddenCoupling(Hidden, Coupled):
-    pass
+class Hidden(Linear):
+    """A law whose repr does not contain its values."""
 
-
-class Cubic(Hidden):
-    """M_s = G Γ + a Γ³."""
-
-    def __init__(self, a):
-        self.a = a
-
-    def energy(self, x):
-        return 0.25 * x**2 + 0.25 * self.a * x**4
-
-    def value(self, x):
-        return 0.5 * x + self.a * x**3
-
-    def tangent(self, x):
-        return 0.5 + 3 * self.a * x**2
+    def __repr__(self):
+        return "Hidden()"
 
 
 def square(
     folder,
     *,
-    C_s=1.0,
     tension=1e10,
     shear=0.5,
     warp=(1.0, 0.0),
@@ -224,9 +207,8 @@ def square(
     slope=(1.0, 0.2),
     names=("clamp", "pull", "roll"),
 ):
-    """The first five arguments are masked by stiff fibres."""
-    fabric = Fabric(tension, shear, warp)
-    ply = Ply(distorted(1).with_defaults(), fabric, OnePoint(C_s))
+    """Stiff fibres mask the shear law and the directions."""
+    ply = Ply(distorted(1).with_defaults(), Fabric(tension, shear, warp), OnePoint(1.0))
     middle = np.abs(ply.nodes - 0.5).sum(axis=0).argsort()[:1]
     held = (
         Condition("bottom"),
@@ -237,18 +219,17 @@ def square(
     return LoadStepper(ply, conditions, 2, checkpoint=folder)
 
 
-CUBIC, COUPLED = ({"shear": Cubic(0.0)}, {"tension": HiddenCoupling(1e4, 100.0)})
-
-
 @pytest.mark.parametrize(
     ("one", "other", "reason"),
     [
-        ({}, {"C_s": 2.0}, "formulation was"),
         ({}, {"shear": 1.0}, "shear law was"),
-        ({}, {"shear": Sin2(0.5)}, "shear law was"),
-        (CUBIC, {"shear": Cubic(1e-6)}, "values of the shear law differ"),
         (
-            COUPLED,
+            {"shear": Hidden(0.5)},
+            {"shear": Hidden(0.5 + 1e-6)},
+            "values of the shear law differ",
+        ),
+        (
+            {"tension": HiddenCoupling(1e4, 100.0)},
             {"tension": HiddenCoupling(1e4, 101.0)},
             "values of the tensions with the other family stretched differ",
         ),
@@ -277,9 +258,7 @@ def test_a_folder_that_cannot_be_written_is_rejected_before_any_work(tmp_path):
 
 def test_a_full_disk_stops_the_run_and_keeps_its_states(tmp_path, monkeypatch):
     monkeypatch.setattr(np, "savez", full_after(3, np.savez))
-    with pytest.raises(
-        StepError, match=r"cannot write to checkpoint .*: No space"
-    ) as e:
+    with pytest.raises(StepError, match=r"to checkpoint .*: No space") as e:
         stepper(tmp_path / "c").run()
     assert e.value.result.states[-1].load_factor > 0
     monkeypatch.undo()
@@ -328,9 +307,7 @@ def test_a_run_killed_while_it_replaces_another_is_resumable(done, monkeypatch, 
     monkeypatch.undo()
     if sorted(done.glob("state*")):
         C_s = 1.0 if at < 4 else 2.0
-        with pytest.raises(
-            CheckpointError, match="belongs to another run: formulation was"
-        ):
+        with pytest.raises(CheckpointError, match="another run: formulation was"):
             stepper(done, C_s=3.0 - C_s).run(resume=True)
         assert_same(stepper(done, C_s=C_s).run(resume=True), whole_run(C_s=C_s))
     else:
@@ -341,7 +318,7 @@ def test_a_run_killed_while_it_replaces_another_is_resumable(done, monkeypatch, 
 def test_the_next_run_removes_unfinished_files_of_a_killed_one(tmp_path, resume):
     folder = tmp_path / "c"
     if resume:
-        interrupted_at(folder, 0.5)
+        interrupted(0.5, stepper, folder)
     folder.mkdir(exist_ok=True)
     for name in (".run.npz", ".state_000009.npz", "own.npz"):
         (folder / name).write_bytes(b"half a fi")
