@@ -29,6 +29,7 @@ from skfem import (
     MeshQuad,
     MeshTri,
 )
+from skfem.helpers import cross
 
 from .scikit_fem import get_quadrature, set_element_dofs, set_positions
 from .user_input import with_article
@@ -569,17 +570,6 @@ class Corners:
         edges = [self._edges @ component[self._nodes] for component in x.T]
         first, second = np.array(edges)[:, self._pairs].transpose(2, 0, 1, 3)
         return cross(first, second)
-
-
-def cross(a: ndarray, b: ndarray) -> ndarray:
-    """Cross products of columns, faster than `numpy.cross` for few of them."""
-    return np.array(
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    )
 
 
 def sided(vectors: ndarray, normals: ndarray) -> ndarray:

@@ -130,15 +130,25 @@ def with_edges(mesh: _Mesh) -> _Mesh:
     are not named, and existing names are kept.
     """
     boundary = mesh.boundary_facets()
-    x = mesh.p[:, mesh.facets[:, boundary]]
     edges = dict(mesh.boundaries or {})
-    for axis, sides in enumerate((("left", "right"), ("bottom", "top"))):
-        low, high = mesh.p[axis].min(), mesh.p[axis].max()
-        for name, side in zip(sides, (low, high), strict=True):
-            on_side = (np.abs(x[axis] - side) <= _NEGLIGIBLE * (high - low)).all(axis=0)
-            if on_side.any() and name not in named_nodes(mesh):
-                edges.setdefault(name, boundary[on_side])
+    for name, on_side in sides_of_box(mesh.p[:, mesh.facets[:, boundary]]).items():
+        if name not in named_nodes(mesh):
+            edges.setdefault(name, boundary[on_side])
     return with_names(mesh, edges, mesh.subdomains)
+
+
+def sides_of_box(ends: ndarray) -> dict[str, ndarray]:
+    """True for edges, by their ends (2, 2, n), on each side of their bounding box.
+
+    By name; sides without an edge are omitted.
+    """
+    sides = {}
+    for x, names in zip(ends, (("left", "right"), ("bottom", "top")), strict=True):
+        for name, side in zip(names, (x.min(), x.max()), strict=True):
+            on_side = (np.abs(x - side) <= _NEGLIGIBLE * np.ptp(x)).all(axis=0)
+            if on_side.any():
+                sides[name] = on_side
+    return sides
 
 
 def refuse(what: str, bad: ndarray, advice: str = "") -> None:
