@@ -13,18 +13,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.user_input import (
-    IN_MM,
-    excerpt,
-    printable,
-    refuse_unit,
-)
-from ..rings import (
-    Curve,
-    refuse_tolerance,
-    refuse_too_many,
-    selected,
-)
+from ...mesh.user_input import IN_MM, excerpt, printable, refuse_unit
+from ..rings import Curve, refuse_tolerance, refuse_too_many, selected
 from .elements import (
     CSS_IN_MM,
     NUMBER,
@@ -184,17 +174,18 @@ class _Reader:
         root = self._root
         if self._styles.value(root, "transform") not in ("", "none"):
             raise ValueError(f"{self._what}: a transform of all is not supported")
-        for name in ("width", "height"):
-            text = self._styles.value(root, name)
-            found = text not in ("", "auto") and number_and_unit(self._what, text)
-            if found and found[1] in CSS_IN_MM:
-                self._mm = CSS_IN_MM["px"]
-        stated = self._mm != 1.0
+        extents = (self._styles.value(root, name) for name in ("width", "height"))
+        given = [x for x in extents if x not in ("", "auto")]
+        units = [number_and_unit(self._what, x)[1] for x in given]
+        stated = any(x in CSS_IN_MM for x in units)
         if unit is not None:
             self._mm = IN_MM[unit]
-        elif not stated:
+        elif stated:
+            self._mm = CSS_IN_MM["px"]
+        else:
             log.warning("%s states no unit: one unit of it is read as 1 mm", self._what)
-        M, size = self._viewport(root, self._what, None, ("", ""))
+        window = self._window(root, self._what, None, ("", ""))
+        M, size = self._viewport(root, self._what, *window)
         if unit is not None or not stated:
             M[:2] /= M[0, 0]
         M[:2, 2] = 0.0  # as in the drawing
@@ -309,13 +300,12 @@ class _Reader:
     ) -> None:
         """Read a nested drawing, which hides what is outside of its viewport."""
         what, first = self._named(element), len(self.curves)
-        M, size = self._viewport(element, what, view.size, given)
-        inner = view._replace(M=view.M @ M, size=size)
-        self._visit_content(element, inner)
+        low, high = self._window(element, what, view.size, given)
+        M, size = self._viewport(element, what, low, high)
+        self._visit_content(element, view._replace(M=view.M @ M, size=size))
         overflow = self._styles.value(element, "overflow")
         if overflow in ("visible", "auto") or size is None or first == len(self.curves):
             return
-        low, high = self._window(element, what, view.size, given)
         p = np.hstack([curve.points for curve in self.curves[first:]])
         x = np.linalg.lstsq(view.M, np.vstack([p, np.ones(p.shape[1])]))[0][:2].T
         margin = _OUTSIDE * np.abs(high - low).max()
@@ -337,9 +327,8 @@ class _Reader:
         low, size = [], []
         for i, (name, extent) in enumerate((("x", "width"), ("y", "height"))):
             share = None if around is None else around[i]
-            is_root = element is self._root
-            text = "0" if is_root else value(element, name) or "0"
-            low.append(self._units(what, text, share))
+            text = value(element, name) if element is not self._root else ""
+            low.append(self._units(what, text or "0", share))
             text = given[i] or value(element, extent)
             text = "100%" if text in ("", "auto") else text
             unknown = share is None and text.endswith("%")
@@ -347,14 +336,9 @@ class _Reader:
         return np.array(low), np.array(low) + size
 
     def _viewport(
-        self,
-        element: Element,
-        what: str,
-        around: tuple[float, float] | None,
-        given: tuple[str, str],
+        self, element: Element, what: str, low: ndarray, high: ndarray
     ) -> tuple[ndarray, tuple[float, float] | None]:
         """Matrix of a viewport, and its width and height in its own units."""
-        low, high = self._window(element, what, around, given)
         box = numbers(what, self._styles.value(element, "viewBox"))
         size = high - low
         if (size <= 0).any() or (box and (len(box) != 4 or min(box[2:]) <= 0)):
