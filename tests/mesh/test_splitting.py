@@ -25,13 +25,7 @@ from skfem_textile import (
 from skfem_textile.io import read_mesh, write_fields
 from skfem_textile.mesh.checks import check_mesh, with_edges
 from skfem_textile.mesh.selection import named_nodes, with_named_nodes
-from skfem_textile.mesh.splitting import (
-    CutMesh,
-    cut,
-    split,
-    split_cells,
-    was_split,
-)
+from skfem_textile.mesh.splitting import CutMesh, cut, split, split_cells, was_split
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.verdict import CHECKS
