@@ -12,6 +12,10 @@ from tests.helpers.hostile.sheets import fans, joined, opened, sheet, shifted
 SHEET = sheet()
 
 
+def clockwise(base):
+    return base._replace(t=base.t[::-1])
+
+
 def nested_rings():
     whole = rectangle(4, 4, (8, 8), "aligned")
     far = np.abs(whole.p[:, whole.t].mean(axis=1) - 2).max(axis=0)
@@ -49,6 +53,7 @@ def test_cuts_and_separate_pieces_are_accepted(mesh):
         (opened(SHEET, 0, 1), r"coincide with others: 2, 7, 25, 26"),
         (opened(SHEET, 0, 4), r"coincide with others: 2, 7, 12"),
         (joined(SHEET, shifted(SHEET, 4, 4)), r"coincide with others: 24, 25"),
+        (joined(SHEET, clockwise(shifted(SHEET, 1.3, 1.3, 0.1))), "inside another: 28"),
     ],
 )
 def test_elements_and_nodes_in_contact_are_named(mesh, named):

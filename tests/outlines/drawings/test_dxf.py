@@ -125,6 +125,13 @@ def spline_frame(drawing, model):
     )
 
 
+def on_another_layer(drawing, model):
+    """A layer that is off does not hide other layers of its blocks."""
+    drawing.layers.add("GUIDES").off()
+    hole(drawing, layer="CUT")
+    model.add_blockref("HOLE", (50, 50), {"layer": "GUIDES"})
+
+
 @pytest.mark.parametrize(
     ("draw", "area", "holes"),
     [
@@ -135,6 +142,10 @@ def spline_frame(drawing, model):
         (line_twice, 200, 1),
         (mirrored, ROUND, 1),
         (spline_frame, 200, 1),
+        (on_another_layer, np.pi, 1),
+        (lambda _, model: model.add_circle((50, 50, 30), 10), ROUND, 1),
+        (lambda _, model: model.add_line((50, 50), (50, 50)), 0, 0),
+        (lambda drawing, _: drawing.paperspace().add_circle((50, 50), 20), 0, 0),
     ],
 )
 def test_holes_are_read_wherever_they_are_stored(read, draw, area, holes):
@@ -213,11 +224,6 @@ KINDS = {
 }
 
 
-def test_a_line_without_length_has_no_effect(read):
-    outline, _ = read(lambda drawing, model: model.add_line((50, 50), (50, 50)))
-    assert outline.shape().area == pytest.approx(1e4)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_other_entities_are_ignored_and_named(read, kind):
     outline, said = read(lambda drawing, model: KINDS[kind](model))
@@ -281,20 +287,6 @@ def test_what_is_not_visible_does_not_count_and_is_named(read, draw):
     assert "ignored: 1 hidden" in said
 
 
-def test_a_layer_that_is_off_does_not_hide_other_layers_of_its_blocks(read):
-    def draw(drawing, model):
-        drawing.layers.add("GUIDES").off()
-        hole(drawing, layer="CUT")
-        model.add_blockref("HOLE", (50, 50), {"layer": "GUIDES"})
-
-    assert len(read(draw)[0].holes) == 1
-
-
-def test_the_paper_space_is_not_read(read):
-    draw = lambda drawing, _: drawing.paperspace().add_circle((50, 50), 20)  # noqa: E731
-    assert not read(draw)[0].holes
-
-
 # Lengths of the units of $INSUNITS in mm, by the definitions of the units.
 UNITS = {
     **{1: 25.4, 2: 304.8, 3: 1609344.0, 4: 1.0, 5: 10.0, 6: 1e3, 7: 1e6, 8: 2.54e-5},
@@ -324,6 +316,10 @@ def test_a_given_unit_decides(read):
         read(nothing, 99)
 
 
+def in_space(drawing, model):
+    model.add_line((0, 0, 0), (9, 9, 9), {"layer": "AXIS"})
+
+
 def frame(drawing, model):
     add_square(model, 300.0, (-50.0, -50.0), layer="FRAME")
 
@@ -338,6 +334,7 @@ def test_a_frame_is_named_and_a_layer_chosen(read):
         assert outline.shape().area == pytest.approx(1e4)
         assert not said
     assert read(frame, layer="frame")[0].shape().area == pytest.approx(9e4)
+    assert read(in_space, layer="0")[0].shape().area == pytest.approx(1e4)
     with pytest.raises(ValueError, match=r"layer 'cut'; it has lines on '0', 'FRAME'"):
         read(frame, layer=["0", "cut"])
 
@@ -351,16 +348,6 @@ def test_a_tilted_plane_is_laid_flat(read):
     outline, said = read(tilted, square=False)
     assert outline.shape().area == pytest.approx(1e4 - ROUND, abs=1.5)
     assert "tilted plane, which is laid flat" in said
-
-
-def test_curves_at_several_heights_are_seen_from_above(read):
-    draw = lambda _, model: model.add_circle((50, 50, 30), 10)  # noqa: E731
-    assert 1e4 - read(draw)[0].shape().area == pytest.approx(ROUND, abs=1.5)
-
-
-def test_curves_in_space_on_other_layers_do_not_matter(read):
-    draw = lambda _, model: model.add_line((0, 0, 0), (9, 9, 9), {"layer": "AXIS"})  # noqa: E731
-    assert read(draw, layer="0")[0].shape().area == pytest.approx(1e4)
 
 
 def steep(drawing, model):
