@@ -217,8 +217,7 @@ def rings_of_curves(curves: Sequence[Curve], what: str, tolerance: float) -> lis
         elif curve.points.shape[1] > 1:
             still_open.append(i)
     near = 2 * tolerance + JOINED * size
-    others = _unrepeated(curves, still_open, list(rings.values()), near)
-    if others:
+    if others := _unrepeated(curves, still_open, list(rings.values()), near):
         rings |= _joined(curves, others, JOINED * size, NEAR * size, what)
     in_order = [_merged(rings[i]) for i in sorted(rings)]
     return _nested(_distinct(in_order, near), what)
