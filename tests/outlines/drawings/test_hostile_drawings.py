@@ -38,7 +38,7 @@ PAGE_UNITS |= {"Q": 0.25, "px": INCH / 96}
 NAMED = {"mm": 1.0, "cm": 10.0, "m": 1e3, "in": INCH}
 
 CELLS = [(x, y) for x in (-18, 18) for y in (-13, 13)]
-KINDS = "rectangle", "polygon", "circle", "ellipse", "slot", "spline"
+KINDS = "rectangle", "polygon", "circle", "ellipse", "spline"
 
 
 class Shape(NamedTuple):
@@ -65,11 +65,6 @@ def shape(rng, extent, kind=None):
         around = np.hstack([corners, corners[:, :3]])
         curve = BSpline(np.arange(-3, 12.0), around.T, 3)
         return Shape(kind, (corners,), curve(np.linspace(0, 8, DENSE)[:-1]).T)
-    if kind == "slot":
-        a, b = 0.45 * extent, 0.55 * extent
-        half = t[: len(t) // 2 + 1] - np.pi / 2
-        cap = np.stack([a + b * np.cos(half), b * np.sin(half)])
-        return Shape(kind, (a, b), np.hstack([cap, -cap]))
     radii = (extent,) * 2 if kind == "circle" else (extent, 0.8 * extent)
     return Shape(kind, radii, np.array(radii)[:, None] * turn)
 
@@ -190,28 +185,6 @@ class Dxf:
 
         whole = {"dxfattribs": layer}
         self.choice(lambda: space.add_ellipse((0, 0), (a, 0), b / a, **whole), parts)
-
-    def slot(self, space, a, b, layer):
-        def parts():
-            space.add_line((-a, -b), (a, -b), layer)
-            space.add_arc((a, 0), b, -90, 90, dxfattribs=layer)
-            space.add_line((-a, b), (a, b), layer)
-            space.add_arc((-a, 0), b, 90, 270, dxfattribs=layer)
-
-        bulges = [(-a, -b, 0), (a, -b, 1), (a, b, 0), (-a, b, 1)]
-        if self.rng.integers(2):
-            bulges = [
-                (x, y, -k)
-                for (x, y, _), (*_, k) in zip(
-                    bulges[::-1], bulges[-2::-1] + bulges[-1:], strict=True
-                )
-            ]
-        self.choice(
-            lambda: space.add_lwpolyline(
-                bulges, format="xyb", close=True, dxfattribs=layer
-            ),
-            parts,
-        )
 
     def spline(self, space, corners, layer):
         around = np.hstack([corners, corners[:, :3]])
@@ -342,14 +315,6 @@ class Svg:
         return self.pick(
             f'<ellipse rx="{a}" ry="{b}"/>',
             f'<path d="M{a} 0A{a} {b} 0 0 1{-a} 0A{a} {b} 0 01{a} 0z"/>',
-        )
-
-    def slot(self, a, b):
-        w, h = a + b, 2 * b
-        cap = f"{b} {b} 0 01"
-        return self.pick(
-            f'<path d="M{-a} {-b}H{a}a{cap}0 {h}H{-a}A{cap}{-a} {-b}"/>',
-            f'<rect x="{-w}" y="{-b}" width="{2 * w}" height="{h}" rx="{b}"/>',
         )
 
     def spline(self, corners):
