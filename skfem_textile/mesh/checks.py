@@ -66,16 +66,11 @@ def check_mesh(mesh: Mesh) -> None:
     cell = _CELLS[mesh.elem]
     refuse_nodes(mesh.p, [mesh.t], cell)
     gauss, _ = GAUSS
-    used = np.zeros(mesh.p.shape[1], dtype=bool)
-    used[mesh.t] = True
-    refuse(f"node(s) belong to no {cell}", ~used, "remove them")
-    shared = np.bincount(mesh.t2f.ravel())
-    crowded = (shared > 2)[mesh.t2f].any(axis=0)
-    refuse(
-        f"{cell}(s) share an edge with more than one other {cell}",
-        crowded,
-        "keep one layer",
-    )
+    unused = np.setdiff1d(np.arange(mesh.p.shape[1]), mesh.t)
+    refuse(f"node(s) belong to no {cell}", unused, "remove them")
+    crowded = (np.bincount(mesh.t2f.ravel()) > 2)[mesh.t2f].any(axis=0)
+    shared = f"{cell}(s) share an edge with more than one other {cell}"
+    refuse(shared, crowded, "keep one layer")
     jacobian = det(mesh.mapping().DF(gauss))  # constant for a triangle
     turn = np.sign(jacobian.sum(axis=1))
     x = mesh.p[:, mesh.t]
@@ -180,28 +175,19 @@ def _refuse_overlap(mesh: Mesh, cell: str) -> None:
             "the mesh cannot be checked for overlaps, because too many boundary edges "
             "lie on top of others: keep one layer of cells"
         )
-    refuse(
-        f"{cell}(s) lie on top of others, edge on edge",
-        found.layered,
-        "keep one layer",
-    )
+    layered = f"{cell}(s) lie on top of others, edge on edge"
+    refuse(layered, found.layered, "keep one layer")
     overlap = f"{cell}(s) overlap others that are not neighbours"
     refuse(f"{overlap}, where the boundary crosses itself", found.crossing)
-    refuse(
-        "node(s) lie in the interior of an edge",
-        found.hanging,
-        "split the cell there or move the node",
-    )
-    refuse(
-        "node(s) coincide with others",
-        found.doubled,
+    advice = "split the cell there or move the node"
+    refuse("node(s) lie in the interior of an edge", found.hanging, advice)
+    advice = (
         "merge them (the sides of a cut may touch only if both of its ends are single "
-        "nodes; otherwise move them apart)",
+        "nodes; otherwise move them apart)"
     )
-    refuse(
-        f"{overlap}, because one part of the mesh lies inside another",
-        cells_within(boundary),
-    )
+    refuse("node(s) coincide with others", found.doubled, advice)
+    inside = f"{overlap}, because one part of the mesh lies inside another"
+    refuse(inside, cells_within(boundary))
 
 
 def _overlapping(mesh: Mesh, turn: ndarray) -> ndarray:

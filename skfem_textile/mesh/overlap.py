@@ -200,11 +200,8 @@ def _coincident_off_cuts(joined: ndarray, seam: ndarray, n_nodes: int) -> ndarra
     sides = np.unique(np.sort(group[seam], axis=0), axis=1)
     line = components(len(group_size), sides)
     is_end = np.bincount(sides.ravel(), minlength=len(group_size)) == 1
-    has_end, has_open_end = (
-        np.bincount(line[ends], minlength=line.max() + 1) > 0
-        for ends in (is_end, is_end & (group_size > 1))
-    )
-    return doubled[~(has_end & ~has_open_end)[line[group[doubled]]]]
+    closed = np.setdiff1d(line[is_end], line[is_end & (group_size > 1)])
+    return doubled[~np.isin(line[group[doubled]], closed)]
 
 
 def cells_within(boundary: Boundary) -> ndarray:

@@ -146,10 +146,7 @@ def split(mesh: Mesh) -> SplitMesh:
             halves, whole = np.flatnonzero(~convex), np.flatnonzero(convex)
             cells = [triangles_of(quads)[:, np.tile(~convex, 2)], mesh.t[:, convex]]
             origin = np.concatenate([halves, halves, whole])
-    subdomains = {
-        name: np.flatnonzero(np.isin(origin, elements))
-        for name, elements in (mesh.subdomains or {}).items()
-    }
+    subdomains = parts_of(origin, mesh.subdomains)
     parts = split_cells(mesh.p, cells, edges, subdomains, named_nodes(mesh))
     originals, of_element = original_elements(mesh)
     return replace(parts, originals=originals, origin=of_element[origin])
@@ -239,11 +236,17 @@ def _named(
         middle = points.shape[1] + named_edges(name, points, pairs, ends)
         halves = [edge_numbers(mesh.facets, np.stack([end, middle])) for end in ends]
         boundaries[name] = np.stack(halves, axis=1).ravel()
-    parts = {
-        name: np.flatnonzero(np.isin(mesh.parent, elements))
-        for name, elements in subdomains.items()
-    }
-    return with_names(mesh, boundaries or None, parts or None)
+    return with_names(mesh, boundaries or None, parts_of(mesh.parent, subdomains))
+
+
+def parts_of(
+    parent: ndarray, subdomains: Mapping[str, ndarray] | None
+) -> dict[str, ndarray] | None:
+    """Elements whose parents are in subdomains, by name; None if there are none."""
+    return {
+        name: np.flatnonzero(np.isin(parent, elements))
+        for name, elements in (subdomains or {}).items()
+    } or None
 
 
 def at_nodes(
@@ -423,10 +426,10 @@ def _cut_originals(mesh: SplitMesh) -> CutMesh:
         halves = np.argsort(middle, kind="stable")
         boundaries[name] = edge_numbers(made.facets, corner[halves].reshape(-1, 2).T)
     subdomains = {
-        name: np.flatnonzero(np.isin(of, mesh.origin[mesh.parent[elements]]))
+        name: mesh.origin[mesh.parent[elements]]
         for name, elements in (mesh.subdomains or {}).items()
     }
-    made = with_names(made, boundaries or None, subdomains or None)
+    made = with_names(made, boundaries or None, parts_of(of, subdomains))
     return changed(with_named_nodes(made, named_nodes(mesh)), mesh, of)
 
 

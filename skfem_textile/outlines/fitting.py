@@ -21,7 +21,14 @@ from ..mesh.checks import MeshError, check_mesh
 from ..mesh.graph import boundary_edges, edges_of
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import SINGULAR, edge_numbers, named_nodes, with_named_nodes
-from ..mesh.splitting import changed, corner_areas, cut, original_elements, was_split
+from ..mesh.splitting import (
+    changed,
+    corner_areas,
+    cut,
+    original_elements,
+    parts_of,
+    was_split,
+)
 from ..mesh.user_input import coords
 from ..ply.formulations import DEFAULT, ON_FIBRES, SMOOTH
 from ..ply.terms import Formulation
@@ -438,30 +445,25 @@ class _Fit:
         return at
 
     def _cut_triangles(self, middle: Any) -> None:
-        t, parent = self.t, self.parent
-        m = np.stack([middle(t[[j, (j + 1) % 3]]) for j in range(3)])
+        m = np.stack([middle(self.t[[j, (j + 1) % 3]]) for j in range(3)])
         count = (m >= 0).sum(axis=0)
-        new, old = [t[:, count == 0]], [parent[count == 0]]
-        for j in range(3):  # one edge
-            a, b, c = np.roll(t, -j, axis=0)
-            ab, bc, ca = np.roll(m, -j, axis=0)
+        pieces = [(count == 0, tuple(self.t))]
+        for j in range(3):
+            (a, b, c), (ab, bc, ca) = (np.roll(x, -j, axis=0) for x in (self.t, m))
             one = (count == 1) & (ab >= 0)
-            new += [np.stack([a, ab, c])[:, one], np.stack([ab, b, c])[:, one]]
+            pieces += [(one, (a, ab, c)), (one, (ab, b, c))]
             two = (count == 2) & (bc < 0)  # the corner a is cut off
             # The shorter diagonal of the rest.
             first = np.hypot(*(self.p[:, ab] - self.p[:, c])) < np.hypot(
                 *(self.p[:, b] - self.p[:, ca])
             )
-            new.append(np.stack([a, ab, ca])[:, two])
-            new.append(np.stack([ab, b, np.where(first, c, ca)])[:, two])
-            new.append(np.stack([np.where(first, ab, b), c, ca])[:, two])
-            old += [parent[one]] * 2 + [parent[two]] * 3
-        (a, b, c), (ab, bc, ca) = t, m
-        three = count == 3
-        for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)):
-            new.append(np.stack(corners)[:, three])
-            old.append(parent[three])
-        self.t, self.parent = np.hstack(new), np.concatenate(old)
+            rest = (ab, b, np.where(first, c, ca)), (np.where(first, ab, b), c, ca)
+            pieces += [(two, corners) for corners in ((a, ab, ca), *rest)]
+        (a, b, c), (ab, bc, ca) = self.t, m
+        quarters = (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)
+        pieces += [(count == 3, corners) for corners in quarters]
+        self.t = np.hstack([np.stack(corners)[:, of] for of, corners in pieces])
+        self.parent = np.concatenate([self.parent[of] for of, _ in pieces])
 
     def collapse(self, i: int) -> None:
         """Collapse short edges of poor triangles at a fibre, where angles increase.
@@ -546,11 +548,8 @@ class _Fit:
         singular &= fitted.f2t[1] >= 0
         if singular.any():
             boundaries[SINGULAR] = np.flatnonzero(singular)
-        subdomains = {
-            name: np.flatnonzero(np.isin(self.parent, elements))
-            for name, elements in (mesh.subdomains or {}).items()
-        }
-        fitted = with_names(fitted, boundaries or None, subdomains or None)
+        subdomains = parts_of(self.parent, mesh.subdomains)
+        fitted = with_names(fitted, boundaries or None, subdomains)
         if len(self.t) == 3 and len(self.parent) > mesh.nelements:
             self._report_smallest_angle()
         fitted = with_named_nodes(fitted, named_nodes(mesh))

@@ -30,7 +30,8 @@ from skfem_textile.mesh.splitting import CutMesh, cut, split, split_cells, was_s
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.verdict import CHECKS
-from tests.helpers import TRIANGLE_AND_QUAD, distorted, random_u
+from tests.helpers import TRIANGLE_AND_QUAD as BOTH
+from tests.helpers import distorted, random_u
 from tests.helpers.intervals import without_interval
 
 
@@ -66,7 +67,7 @@ def test_boundaries_and_subdomains_keep_their_names_and_extent():
 
 
 def test_mixed_meshes_conform():
-    mesh = split_cells(*TRIANGLE_AND_QUAD, {"right": np.array([[4, 1], [2, 4]])})
+    mesh = split_cells(*BOTH, {"right": np.array([[4, 1], [2, 4]])})
     check_mesh(mesh)
     assert mesh.parent.tolist() == [0, 0, 0, 1, 1, 1, 1]
     assert areas(mesh).sum() == pytest.approx(1.5)
@@ -235,14 +236,12 @@ SAVED = [rectangle(3, 2, (3, 2), kind, 0.2) for kind in ("irregular", "delaunay"
 USED = {
     **{f"macro {i}": (m, Macro(), split(m)) for i, m in enumerate([*MESHES.values()])},
     **{f"file {i}": (in_a_file(m), Macro(), split(m)) for i, m in enumerate(SAVED)},
-    "two kinds": (
-        in_a_file(TRIANGLE_AND_QUAD),
-        Macro(),
-        split_cells(*TRIANGLE_AND_QUAD),
-    ),
+    "two kinds": (in_a_file(BOTH), Macro(), split_cells(*BOTH)),
     "one point": (TRIANGLES, OnePoint(1.0), split(TRIANGLES)),
     "full": (TRIANGLES, Full(), split(TRIANGLES)),
     "quadratic": (DART, Quadratic(), cut(DART)),
+    "full, as it is": (QUADS, Full(), QUADS),
+    "quadratic, as it is": (TRIANGLES, Quadratic(), TRIANGLES),
 }
 
 
@@ -253,12 +252,6 @@ def test_a_ply_splits_or_cuts_the_mesh_as_its_formulation_needs(
     ply = Ply(mesh, FABRIC, formulation)
     assert_same_ply(ply, Ply(used, FABRIC, formulation))
     assert Ply(used, FABRIC, formulation).mesh is used
-
-
-def test_a_mesh_that_fits_is_used_unchanged():
-    for formulation in (OnePoint(1.0), Full()):
-        assert Ply(QUADS, FABRIC, formulation).mesh is QUADS
-    assert Ply(TRIANGLES, FABRIC, Quadratic()).mesh is TRIANGLES
 
 
 @pytest.mark.parametrize("sides", [(1.0, 1.0), (0.1, 1.0), (0.2, 30.0)])
@@ -322,14 +315,14 @@ def test_fields_are_averaged_on_the_users_elements(mesh, formulation):
 
 
 def test_fields_are_averaged_on_elements_that_were_split_before():
-    both = in_a_file(TRIANGLE_AND_QUAD)
-    assert_averaged(Ply(both, FABRIC), TRIANGLE_AND_QUAD[1])
+    both = in_a_file(BOTH)
+    assert_averaged(Ply(both, FABRIC), BOTH[1])
     for mesh in (split(DART), replace(split(DART), doflocs=2 * split(DART).p)):
         assert_averaged(Ply(mesh, FABRIC), [DART.t])
 
 
 FILED = {
-    "two kinds": (split_cells(*TRIANGLE_AND_QUAD), *TRIANGLE_AND_QUAD),
+    "two kinds": (split_cells(*BOTH), *BOTH),
     "not convex": (DART, DART.p, [DART.t]),
     "triangles": (TRIANGLES, TRIANGLES.p, [TRIANGLES.t]),
 }
