@@ -350,15 +350,6 @@ def test_the_cells_of_a_file_of_both_kinds_are_fitted():
     assert areas(fit.mesh)[left].sum() == pytest.approx(2500)
 
 
-def test_values_of_cells_of_both_kinds_are_means_over_their_parts():
-    mesh, _ = both_kinds()
-    ply = Ply(mesh, fabric(41.0), Quadratic())
-    x = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
-    centres = np.hstack([mesh.p[:, cell].mean(axis=1) for cell in mesh.cells[:1]])
-    found = ply.on_users_elements(x)[:, : centres.shape[1]]
-    np.testing.assert_allclose(found, centres)
-
-
 SHEARED = {"bottom": Condition("bottom"), "top": Condition("top", (4.0, 0.0))}
 
 

@@ -165,7 +165,8 @@ class _Reader:
     def __init__(self, what: str, root: Element, tolerance: float) -> None:
         self._what, self._root, self._tolerance = what, root, tolerance
         self._styles = Styles(what, root)
-        self._by_id = {e.get("id", ""): e for e in reversed(list(root.iter()))}
+        elements = reversed([e for e in root.iter() if e.get("id")])
+        self._by_href = {f"#{e.get('id')}": e for e in elements}
         self._mm = 1.0
         self._visited = 0
         self.curves: list[Curve] = []
@@ -273,8 +274,7 @@ class _Reader:
     def _visit_clone(self, use: Element, view: _View) -> None:
         """Read the element to which another one refers."""
         href = use.get("href") or use.get(f"{_XLINK}href") or ""
-        target = self._by_id.get(href[1:]) if href[:1] == "#" and href[1:] else None
-        if target is None:
+        if (target := self._by_href.get(href)) is None:
             raise ValueError(
                 f"{self._named(use)} refers to {excerpt(href)!r}, which is not an "
                 "element of the file"
