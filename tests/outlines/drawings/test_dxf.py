@@ -218,13 +218,8 @@ def test_a_piece_stored_as_a_block(read):
 KINDS = {
     "HATCH": lambda m: m.add_hatch().paths.add_polyline_path([(4, 4), (9, 4), (9, 9)]),
     "MLINE": lambda m: m.add_mline([(40, 40), (60, 40), (60, 60)], close=True),
-    "SOLID": lambda m: m.add_solid([(40, 40), (60, 40), (40, 60), (60, 60)]),
-    "TRACE": lambda m: m.add_trace([(40, 40), (60, 40), (40, 60), (60, 60)]),
-    "3DFACE": lambda m: m.add_3dface([(40, 40), (60, 40), (60, 60)]),
     "DIMENSION": lambda m: m.add_linear_dim((0, -9), (0, 0), (100, 0)).render(),
     "TEXT": lambda m: m.add_text("ply"),
-    "MTEXT": lambda m: m.add_mtext("ply"),
-    "POINT": lambda m: m.add_point((50, 50)),
     "POLYLINE": lambda m: m.add_polymesh((3, 3)),
     "empty LWPOLYLINE": lambda m: m.add_lwpolyline([(50, 50)]),
 }

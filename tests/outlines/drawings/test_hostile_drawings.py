@@ -27,11 +27,7 @@ TOLERANCE, DENSE = 0.01, 4001
 
 # Units of $INSUNITS in mm.
 INCH = 25.4
-UNITS = {
-    **{0: 1.0, 1: INCH, 2: 12 * INCH, 4: 1.0, 5: 10.0, 6: 1e3, 7: 1e6, 8: INCH / 1e6},
-    **{9: INCH / 1e3, 10: 36 * INCH, 11: 1e-7, 12: 1e-6, 13: 1e-3, 14: 100.0, 15: 1e4},
-    **{16: 1e5, 21: 1200e3 / 3937, 22: 100e3 / 3937, 3: 63360 * INCH},
-}
+UNITS = {0: 1.0, 1: INCH, 4: 1.0, 5: 10.0, 6: 1e3, 7: 1e6, 8: INCH / 1e6, 13: 1e-3}
 PAGE_UNITS = {"mm": 1.0, "cm": 10.0, "in": INCH, "pt": INCH / 72, "pc": INCH / 6}
 PAGE_UNITS |= {"Q": 0.25, "px": INCH / 96}
 NAMED = {"mm": 1.0, "cm": 10.0, "m": 1e3, "in": INCH}
