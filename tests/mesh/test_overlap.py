@@ -5,6 +5,7 @@ import pytest
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import MeshError
+from skfem_textile.mesh import overlap
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers.hostile.sheets import fans, joined, opened, sheet, shifted
@@ -59,3 +60,9 @@ def test_cuts_and_separate_pieces_are_accepted(mesh):
 def test_elements_and_nodes_in_contact_are_named(mesh, named):
     with pytest.raises(MeshError, match=named):
         check_mesh(MeshQuad(*mesh))
+
+
+def test_only_close_edges_are_compared(monkeypatch):
+    """Each of 256 edges with itself and the next ones."""
+    monkeypatch.setattr(overlap, "_MOST_PAIRS", 1000)
+    check_mesh(MeshQuad().refined(6))
