@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -105,7 +104,6 @@ class Field:
             raise ValueError(f"{error}; it is not at {coords(x[:, 0])}") from None
 
 
-@dataclass(frozen=True, eq=False)
 class Cell:
     """Part of an outline with one fabric.
 
@@ -117,43 +115,25 @@ class Cell:
         Directions of warp and weft.
     size
         Size of the outline in mm, to which tolerances refer.
+    start, end
+        Ends of each edge, the cell on its left, shape (2, n).
+    turn
+        Turn at the start of each edge in radians, negative where re-entrant.
     """
 
-    shape: shapely.Polygon
-    fields: list[Field]
-    size: float
-
-    @cached_property
-    def _rings(self) -> list[ndarray]:
-        return corners_of_rings(self.shape)
-
-    @cached_property
-    def start(self) -> ndarray:
-        """Start of each edge, the cell on its left, shape (2, n)."""
-        return np.hstack(self._rings)
-
-    @cached_property
-    def end(self) -> ndarray:
-        """End of each edge."""
-        return np.hstack([np.roll(ring, -1, axis=1) for ring in self._rings])
-
-    @cached_property
-    def _after(self) -> ndarray:
-        """Unit vectors along the edges."""
-        e = self.end - self.start
-        return e / np.hypot(*e)
-
-    @cached_property
-    def _before(self) -> ndarray:
-        """Unit vectors along the edge before each edge."""
-        parts = by_ring(self._rings, self._after)
-        return np.hstack([np.roll(part, 1, axis=1) for part in parts])
-
-    @cached_property
-    def turn(self) -> ndarray:
-        """Turn at the start of each edge in radians, negative where re-entrant."""
+    def __init__(
+        self, shape: shapely.Polygon, fields: list[Field], size: float
+    ) -> None:
+        self.shape, self.fields, self.size = shape, fields, size
+        rings = corners_of_rings(shape)
+        self.start = np.hstack(rings)
+        self.end = np.hstack([np.roll(ring, -1, axis=1) for ring in rings])
+        # Unit vectors along the edges, and along the edge before each.
+        self._after = (self.end - self.start) / np.hypot(*(self.end - self.start))
+        parts = by_ring(rings, self._after)
+        self._before = np.hstack([np.roll(part, 1, axis=1) for part in parts])
         turn = angle(self._before, self._after)
-        return np.where(np.abs(turn) < _STRAIGHT, 0.0, turn)
+        self.turn = np.where(np.abs(turn) < _STRAIGHT, 0.0, turn)
 
     def _leads_inside(self, corner: Any, d: ndarray, least: float = NEAR) -> ndarray:
         """True where a direction leads from corners into the cell.
