@@ -7,8 +7,6 @@ small angles between lines, segments are divided on circles around the common co
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -189,23 +187,17 @@ def refuse_narrow_gaps(shape: shapely.Polygon, size: float) -> None:
             )
 
 
-@dataclass(eq=False)
 class _Chain:
-    """Line between two nodes, shape (n, 2), its ends, and the number of its line."""
+    """Line between two nodes, shape (n, 2), its ends, and the number of its line.
 
-    x: ndarray
-    ends: tuple[int, int]
-    line: int
+    ``s`` are distances of the points from the first one along the line.
+    """
 
-    @cached_property
-    def s(self) -> ndarray:
-        """Distances of the points from the first one along the line."""
-        steps = np.linalg.norm(np.diff(self.x, axis=0), axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
-
-    @property
-    def length(self) -> float:
-        return float(self.s[-1])
+    def __init__(self, x: ndarray, ends: tuple[int, int], line: int) -> None:
+        self.x, self.ends, self.line = x, ends, line
+        steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
+        self.s = np.concatenate([[0.0], np.cumsum(steps)])
+        self.length = float(self.s[-1])
 
     def at(self, s: ndarray) -> ndarray:
         """Points at distances along the line, shape (n, 2)."""
