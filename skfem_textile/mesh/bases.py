@@ -29,6 +29,7 @@ from skfem import (
     MeshQuad,
     MeshTri,
 )
+from skfem.helpers import cross
 
 from .scikit_fem import get_quadrature, set_element_dofs, set_positions
 from .user_input import with_article
@@ -229,14 +230,11 @@ class HourglassBasis(CellBasis):
         _refuse_mesh("HourglassBasis", mesh)
         if not np.array_equal(quadrature[0], GAUSS[0]):
             raise ValueError("HourglassBasis has the 2×2 points: omit the quadrature")
-        element = (
-            _fluctuating(dimension)
-            if isinstance(dimension, Element)
-            else ElementVector(ElementQuad1Fluctuation(), dimension)
-        )
+        if not isinstance(dimension, Element):
+            dimension = ElementVector(ElementQuad1(), dimension)
         # The constructor of CellBasis would evaluate `basis`, of 2.5 kB per element.
         AbstractBasis.__init__(
-            self, mesh, element, mapping, quadrature=GAUSS, dofs=dofs
+            self, mesh, _fluctuating(dimension), mapping, quadrature=GAUSS, dofs=dofs
         )
         self.tind = None if elements is None else mesh.normalize_elements(elements)
         centre, _ = CENTRE
@@ -255,9 +253,8 @@ class HourglassBasis(CellBasis):
         Shape (4, 2, n_elements, 4).
         """
         scalar: Any = self.elem
-        fields = [
-            scalar.elem.gbasis(self.mapping, self.X, i, self.tind)[0] for i in range(4)
-        ]
+        at = self.mapping, self.X
+        fields = [scalar.elem.gbasis(*at, i, self.tind)[0] for i in range(4)]
         centre = np.array([centre_grad(field) for field in fields])
         return centre + np.array([field.grad for field in fields]), centre
 
@@ -407,9 +404,8 @@ class MacroBasis(MeanBasis):
             elements = np.flatnonzero(exists[:, j])
             a, part = corners[i, j, elements], self.parts[elements, j]
             values[a, elements, j] = 0.25  # at the centre of a bilinear quadrilateral
-            gradients[a, :, elements, j] = bilinear[dimension * i][0].grad[
-                0, :, part, 0
-            ]
+            (function,) = bilinear[dimension * i]
+            gradients[a, :, elements, j] = function.grad[0, :, part, 0]
         self.basis = [
             (_along(axis, dimension, N, dN),)
             for N, dN in zip(values, gradients, strict=True)
@@ -569,17 +565,6 @@ class Corners:
         edges = [self._edges @ component[self._nodes] for component in x.T]
         first, second = np.array(edges)[:, self._pairs].transpose(2, 0, 1, 3)
         return cross(first, second)
-
-
-def cross(a: ndarray, b: ndarray) -> ndarray:
-    """Cross products of columns, faster than `numpy.cross` for few of them."""
-    return np.array(
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    )
 
 
 def sided(vectors: ndarray, normals: ndarray) -> ndarray:

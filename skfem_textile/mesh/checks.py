@@ -66,16 +66,11 @@ def check_mesh(mesh: Mesh) -> None:
     cell = _CELLS[mesh.elem]
     refuse_nodes(mesh.p, [mesh.t], cell)
     gauss, _ = GAUSS
-    used = np.zeros(mesh.p.shape[1], dtype=bool)
-    used[mesh.t] = True
-    refuse(f"node(s) belong to no {cell}", ~used, "remove them")
-    shared = np.bincount(mesh.t2f.ravel())
-    crowded = (shared > 2)[mesh.t2f].any(axis=0)
-    refuse(
-        f"{cell}(s) share an edge with more than one other {cell}",
-        crowded,
-        "keep one layer",
-    )
+    unused = np.setdiff1d(np.arange(mesh.p.shape[1]), mesh.t)
+    refuse(f"node(s) belong to no {cell}", unused, "remove them")
+    crowded = (np.bincount(mesh.t2f.ravel()) > 2)[mesh.t2f].any(axis=0)
+    shared = f"{cell}(s) share an edge with more than one other {cell}"
+    refuse(shared, crowded, "keep one layer")
     jacobian = det(mesh.mapping().DF(gauss))  # constant for a triangle
     turn = np.sign(jacobian.sum(axis=1))
     x = mesh.p[:, mesh.t]
@@ -130,15 +125,25 @@ def with_edges(mesh: _Mesh) -> _Mesh:
     are not named, and existing names are kept.
     """
     boundary = mesh.boundary_facets()
-    x = mesh.p[:, mesh.facets[:, boundary]]
     edges = dict(mesh.boundaries or {})
-    for axis, sides in enumerate((("left", "right"), ("bottom", "top"))):
-        low, high = mesh.p[axis].min(), mesh.p[axis].max()
-        for name, side in zip(sides, (low, high), strict=True):
-            on_side = (np.abs(x[axis] - side) <= _NEGLIGIBLE * (high - low)).all(axis=0)
-            if on_side.any() and name not in named_nodes(mesh):
-                edges.setdefault(name, boundary[on_side])
+    for name, on_side in sides_of_box(mesh.p[:, mesh.facets[:, boundary]]).items():
+        if name not in named_nodes(mesh):
+            edges.setdefault(name, boundary[on_side])
     return with_names(mesh, edges, mesh.subdomains)
+
+
+def sides_of_box(ends: ndarray) -> dict[str, ndarray]:
+    """True for edges, by their ends (2, 2, n), on each side of their bounding box.
+
+    By name; sides without an edge are omitted.
+    """
+    sides = {}
+    for x, names in zip(ends, (("left", "right"), ("bottom", "top")), strict=True):
+        for name, side in zip(names, (x.min(), x.max()), strict=True):
+            on_side = (np.abs(x - side) <= _NEGLIGIBLE * np.ptp(x)).all(axis=0)
+            if on_side.any():
+                sides[name] = on_side
+    return sides
 
 
 def refuse(what: str, bad: ndarray, advice: str = "") -> None:
@@ -170,28 +175,19 @@ def _refuse_overlap(mesh: Mesh, cell: str) -> None:
             "the mesh cannot be checked for overlaps, because too many boundary edges "
             "lie on top of others: keep one layer of cells"
         )
-    refuse(
-        f"{cell}(s) lie on top of others, edge on edge",
-        found.layered,
-        "keep one layer",
-    )
+    layered = f"{cell}(s) lie on top of others, edge on edge"
+    refuse(layered, found.layered, "keep one layer")
     overlap = f"{cell}(s) overlap others that are not neighbours"
     refuse(f"{overlap}, where the boundary crosses itself", found.crossing)
-    refuse(
-        "node(s) lie in the interior of an edge",
-        found.hanging,
-        "split the cell there or move the node",
-    )
-    refuse(
-        "node(s) coincide with others",
-        found.doubled,
+    advice = "split the cell there or move the node"
+    refuse("node(s) lie in the interior of an edge", found.hanging, advice)
+    advice = (
         "merge them (the sides of a cut may touch only if both of its ends are single "
-        "nodes; otherwise move them apart)",
+        "nodes; otherwise move them apart)"
     )
-    refuse(
-        f"{overlap}, because one part of the mesh lies inside another",
-        cells_within(boundary),
-    )
+    refuse("node(s) coincide with others", found.doubled, advice)
+    inside = f"{overlap}, because one part of the mesh lies inside another"
+    refuse(inside, cells_within(boundary))
 
 
 def _overlapping(mesh: Mesh, turn: ndarray) -> ndarray:

@@ -6,7 +6,6 @@ crosses itself or winds around a point twice.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -32,7 +31,6 @@ _PAIRS_AT_A_TIME = 1_000_000
 _INSIDE = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
 class Boundary:
     """Boundary edges of a mesh, each with the mesh on its left.
 
@@ -46,27 +44,17 @@ class Boundary:
         Cell of each edge, shape (n,).
     area
         Area of this cell, shape (n,).
+    along, length
+        Vector from start to end of each edge, shape (2, n), and its length, (n,).
+    size
+        Exponent of the smallest power of two not below the length, shape (n,).
     """
 
-    p: ndarray
-    ends: ndarray
-    cell: ndarray
-    area: ndarray
-
-    @cached_property
-    def along(self) -> ndarray:
-        """Vector from start to end of each edge, shape (2, n)."""
-        return self.p[:, self.ends[1]] - self.p[:, self.ends[0]]
-
-    @cached_property
-    def length(self) -> ndarray:
-        """Length of each edge, shape (n,)."""
-        return np.linalg.norm(self.along, axis=0)
-
-    @cached_property
-    def size(self) -> ndarray:
-        """Exponent of the smallest power of two not below the length, shape (n,)."""
-        return np.ceil(np.log2(self.length)).astype(int)
+    def __init__(self, p: ndarray, ends: ndarray, cell: ndarray, area: ndarray) -> None:
+        self.p, self.ends, self.cell, self.area = p, ends, cell, area
+        self.along = p[:, ends[1]] - p[:, ends[0]]
+        self.length = np.linalg.norm(self.along, axis=0)
+        self.size = np.ceil(np.log2(self.length)).astype(int)
 
     def inside(self, edges: ndarray) -> ndarray:
         """Points inside the mesh, near the middles of edges, shape (2, m)."""
@@ -200,11 +188,8 @@ def _coincident_off_cuts(joined: ndarray, seam: ndarray, n_nodes: int) -> ndarra
     sides = np.unique(np.sort(group[seam], axis=0), axis=1)
     line = components(len(group_size), sides)
     is_end = np.bincount(sides.ravel(), minlength=len(group_size)) == 1
-    has_end, has_open_end = (
-        np.bincount(line[ends], minlength=line.max() + 1) > 0
-        for ends in (is_end, is_end & (group_size > 1))
-    )
-    return doubled[~(has_end & ~has_open_end)[line[group[doubled]]]]
+    closed = np.setdiff1d(line[is_end], line[is_end & (group_size > 1)])
+    return doubled[~np.isin(line[group[doubled]], closed)]
 
 
 def cells_within(boundary: Boundary) -> ndarray:

@@ -44,17 +44,13 @@ class Pattern:
         others: Sequence[ndarray] = (),
     ) -> None:
         self.dimension, self.n_nodes, d = dimension, n_nodes, dimension
-        pairs = [
-            nodes[np.array(np.triu_indices(len(nodes)))]
-            for nodes in (*elements, *others)
-        ]
+        groups = [*elements, *others]
+        pairs = [nodes[np.array(np.triu_indices(len(nodes)))] for nodes in groups]
         keys = [
-            (pair.max(axis=0).astype(np.int64) * n_nodes + pair.min(axis=0))
+            (pair.max(axis=0).astype(np.int64) * n_nodes + pair.min(axis=0)).ravel()
             for pair in pairs
         ]
-        distinct, number = np.unique(
-            np.concatenate([key.ravel() for key in keys]), return_inverse=True
-        )
+        distinct, number = np.unique(np.concatenate(keys), return_inverse=True)
         self.rows, self.cols = np.divmod(distinct, n_nodes)
         self._keys = distinct
         self._added: dict[str, _Added] = {}  # the last matrix of each term
@@ -125,15 +121,19 @@ class Pattern:
     def _positions(self, K: csr_matrix) -> "_Added":
         """Positions of the entries of a matrix in the blocks."""
         entries, d = K.tocoo(), self.dimension
-        row, i = np.divmod(entries.row.astype(np.int64), d)
-        col, j = np.divmod(entries.col.astype(np.int64), d)
+        row, i = np.divmod(entries.row, d)
+        col, j = np.divmod(entries.col, d)
         below = np.flatnonzero(row >= col)
-        key = (row * self.n_nodes + col)[below]
-        block = np.searchsorted(self._keys, key)
-        known = self._keys[np.minimum(block, len(self._keys) - 1)] == key
-        inside, block = below[known], block[known]
+        block = self._blocks(row[below], col[below])
+        inside, block = below[block >= 0], block[block >= 0]
         slots = (d * block + i[inside]) * d + j[inside]
-        return _Added(K, slots, inside, below[~known])
+        return _Added(K, slots, inside, np.setdiff1d(below, inside))
+
+    def _blocks(self, row: ndarray, col: ndarray) -> ndarray:
+        """Numbers of the blocks of pairs of nodes, −1 outside the pattern."""
+        key = row * np.int64(self.n_nodes) + col
+        block = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
+        return np.where(self._keys[block] == key, block, -1)
 
     def congruence(self, points: csr_matrix) -> csr_matrix:
         """Matrix C from blocks D at points to the blocks of Σ_k w_kᵀ D_k w_k.
@@ -151,14 +151,10 @@ class Pattern:
         pairs = points.tocoo()
         both = csr_matrix((np.ones(pairs.nnz), (np.arange(pairs.nnz), pairs.row)))
         one, other = (both @ both.T).nonzero()
-        row, col = pairs.col[one].astype(np.int64), pairs.col[other]
-        below = row >= col
-        one, other = one[below], other[below]
-        key = row[below] * self.n_nodes + col[below]
-        block = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
-        inside = self._keys[block] == key
-        weights = (pairs.data[one] * pairs.data[other])[inside]
-        at = block[inside], pairs.row[one][inside]
+        row, col = pairs.col[one], pairs.col[other]
+        block = np.where(row >= col, self._blocks(row, col), -1)
+        one, other, block = (x[block >= 0] for x in (one, other, block))
+        weights, at = pairs.data[one] * pairs.data[other], (block, pairs.row[one])
         return csr_matrix((weights, at), (len(self._keys), points.shape[0]))
 
     def matrix(self, blocks: ndarray) -> csr_matrix:

@@ -1,8 +1,7 @@
 """Uses of scikit-fem beyond its public interface.
 
-Written for scikit-fem 12.  `PRIVATE` lists them; for each one,
-`tests/mesh/test_scikit_fem.py` fails if a later version differs.  Other modules import
-only from `skfem` and `skfem.helpers`.
+Written for scikit-fem 12; `tests/mesh/test_scikit_fem.py` fails if a later version
+differs.  Other modules import only from `skfem` and `skfem.helpers`.
 """
 
 from dataclasses import dataclass, replace
@@ -23,20 +22,6 @@ _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 # Number of axes of element matrices given by pairs of nodes.
 _BY_PAIRS = 4
-
-#: Private names of scikit-fem that the package uses, with their use.
-PRIVATE = {
-    "Mesh._boundaries, Mesh._subdomains": "names that are replaced in a copy of a mesh",
-    "AbstractBasis._element_dofs": "unknowns of the elements of a basis",
-    "AbstractBasis._global_coordinates": "positions of the points of a basis",
-    "Form._assemble": "entries of a form that are computed without its function",
-    "Form._normalize_asm_kwargs": "parameters of a form, checked and completed",
-    "Form._kernel": "fields of a composite basis on which a form depends",
-    "DiscreteField.grad3": "slot for the centre gradient of a bilinear function",
-    "skfem.assembly.form.coo_data.COOData": "entries of an assembled form",
-    "skfem.assembly.form.form.FormExtraParams": "parameters of a form, in annotations",
-    "skfem.quadrature.get_quadrature": "points and weights of a rule on an element",
-}
 
 
 def with_names(

@@ -67,7 +67,39 @@ def hat_functions(mesh: Mesh, n_nodes: int) -> csr_matrix:
 
 
 @dataclass(repr=False)
-class SplitMesh(NamedNodes, MeshQuad):
+class Made(NamedNodes):
+    """Mesh whose elements were made of other ones.
+
+    Attributes
+    ----------
+    parent
+        Number of the other one in which each element lies, shape (n_elements,).
+    made
+        Node numbers and parent of each element as they were made, in lexical order.
+    """
+
+    parent: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    made: ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=int))
+
+
+def _elements(t: ndarray, parent: ndarray) -> ndarray:
+    """Sorted node numbers and parent of elements, in lexical order."""
+    columns = np.vstack([np.sort(t, axis=0), parent])
+    return columns[:, np.lexsort(columns)]
+
+
+def _is_as_made(mesh: Any) -> bool:
+    """True if the elements have the nodes and parents of which they were made.
+
+    Nodes may have moved, and elements be reordered together with their parents.
+    """
+    if np.shape(mesh.parent) != (mesh.nelements,):
+        return False
+    return np.array_equal(_elements(mesh.t, mesh.parent), mesh.made)
+
+
+@dataclass(repr=False)
+class SplitMesh(Made, MeshQuad):
     """Quadrilaterals into which the elements of another mesh were split.
 
     Attributes
@@ -86,7 +118,6 @@ class SplitMesh(NamedNodes, MeshQuad):
     """
 
     cells: tuple[ndarray, ...] = ()
-    parent: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
     originals: tuple[ndarray, ...] = ()
     origin: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
@@ -97,16 +128,7 @@ def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
     Nodes may have moved, and quadrilaterals may be reordered together with their
     parents.  A refined, restricted or renumbered mesh is not valid.
     """
-    if not isinstance(mesh, SplitMesh) or not mesh.cells:
-        return False
-    if np.shape(mesh.parent) != (mesh.nelements,):
-        return False
-    pairs, inverse = edges_of(mesh.cells)
-    n_elements = sum(cell.shape[1] for cell in mesh.cells)
-    n_points = mesh.p.shape[1] - pairs.shape[1] - n_elements
-    expected = np.vstack(_quads(mesh.cells, n_points, pairs, inverse))
-    actual = np.vstack([mesh.t, mesh.parent])
-    return np.array_equal(_ordered(actual), _ordered(expected))
+    return isinstance(mesh, SplitMesh) and bool(mesh.cells) and _is_as_made(mesh)
 
 
 def split(mesh: Mesh) -> SplitMesh:
@@ -146,10 +168,7 @@ def split(mesh: Mesh) -> SplitMesh:
             halves, whole = np.flatnonzero(~convex), np.flatnonzero(convex)
             cells = [triangles_of(quads)[:, np.tile(~convex, 2)], mesh.t[:, convex]]
             origin = np.concatenate([halves, halves, whole])
-    subdomains = {
-        name: np.flatnonzero(np.isin(origin, elements))
-        for name, elements in (mesh.subdomains or {}).items()
-    }
+    subdomains = parts_of(origin, mesh.subdomains)
     parts = split_cells(mesh.p, cells, edges, subdomains, named_nodes(mesh))
     originals, of_element = original_elements(mesh)
     return replace(parts, originals=originals, origin=of_element[origin])
@@ -194,6 +213,7 @@ def split_cells(
         t,
         cells=tuple(cells),
         parent=parent,
+        made=_elements(t, parent),
         originals=tuple(cells),
         origin=np.arange(centres.shape[1]),
         named_nodes=dict(nodes or {}),
@@ -218,11 +238,6 @@ def _quads(
     return np.hstack(quads), np.concatenate(parent)
 
 
-def _ordered(columns: ndarray) -> ndarray:
-    """The columns in lexical order."""
-    return columns[:, np.lexsort(columns)]
-
-
 def _named(
     mesh: SplitMesh,
     pairs: ndarray,
@@ -239,11 +254,17 @@ def _named(
         middle = points.shape[1] + named_edges(name, points, pairs, ends)
         halves = [edge_numbers(mesh.facets, np.stack([end, middle])) for end in ends]
         boundaries[name] = np.stack(halves, axis=1).ravel()
-    parts = {
-        name: np.flatnonzero(np.isin(mesh.parent, elements))
-        for name, elements in subdomains.items()
-    }
-    return with_names(mesh, boundaries or None, parts or None)
+    return with_names(mesh, boundaries or None, parts_of(mesh.parent, subdomains))
+
+
+def parts_of(
+    parent: ndarray, subdomains: Mapping[str, ndarray] | None
+) -> dict[str, ndarray] | None:
+    """Elements whose parents are in subdomains, by name; None if there are none."""
+    return {
+        name: np.flatnonzero(np.isin(parent, elements))
+        for name, elements in (subdomains or {}).items()
+    } or None
 
 
 def at_nodes(
@@ -317,7 +338,7 @@ _EQUAL_AREAS = 1e-9
 
 
 @dataclass(repr=False)
-class Changed(NamedNodes):
+class Changed(Made):
     """Mesh made of another one, whose nodes come first and may have moved.
 
     Attributes
@@ -327,13 +348,9 @@ class Changed(NamedNodes):
     parent
         Its element in which each element lies, of a `SplitMesh` the index into its
         ``originals``, shape (n_elements,).
-    made
-        Node numbers and parent of each element as they were made, in lexical order.
     """
 
     original: Any = None
-    parent: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
-    made: ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=int))
 
 
 @dataclass(repr=False)
@@ -351,19 +368,13 @@ def changed(mesh: Mesh, original: Any, parent: ndarray) -> Any:
     if was_changed(original):
         original, parent = original.original, original.parent[parent]
     kind: Any = CutMesh if isinstance(mesh, MeshTri) else MovedMesh
-    of = {
-        "original": original,
-        "parent": parent,
-        "named_nodes": dict(named_nodes(mesh)),
-    }
-    result = kind(mesh.p, mesh.t, mesh.boundaries, mesh.subdomains, **of)
-    return replace(result, made=_elements(result))
-
-
-def _elements(mesh: Changed) -> ndarray:
-    """Sorted node numbers and parent of the elements, in lexical order."""
-    of: Any = mesh
-    return _ordered(np.vstack([np.sort(of.t, axis=0), of.parent]))
+    return kind(
+        *(mesh.p, mesh.t, mesh.boundaries, mesh.subdomains),
+        named_nodes=dict(named_nodes(mesh)),
+        parent=parent,
+        made=_elements(mesh.t, parent),
+        original=original,
+    )
 
 
 def was_changed(mesh: Mesh) -> TypeGuard[Changed]:
@@ -372,9 +383,7 @@ def was_changed(mesh: Mesh) -> TypeGuard[Changed]:
     Nodes may have moved, and elements be reordered together with their parents.  A
     refined, restricted or renumbered mesh is not valid.
     """
-    if not isinstance(mesh, Changed) or np.shape(mesh.parent) != (mesh.nelements,):
-        return False
-    return np.array_equal(_elements(mesh), mesh.made)
+    return isinstance(mesh, Changed) and _is_as_made(mesh)
 
 
 def cut(mesh: MeshQuad) -> CutMesh:
@@ -423,10 +432,10 @@ def _cut_originals(mesh: SplitMesh) -> CutMesh:
         halves = np.argsort(middle, kind="stable")
         boundaries[name] = edge_numbers(made.facets, corner[halves].reshape(-1, 2).T)
     subdomains = {
-        name: np.flatnonzero(np.isin(of, mesh.origin[mesh.parent[elements]]))
+        name: mesh.origin[mesh.parent[elements]]
         for name, elements in (mesh.subdomains or {}).items()
     }
-    made = with_names(made, boundaries or None, subdomains or None)
+    made = with_names(made, boundaries or None, parts_of(of, subdomains))
     return changed(with_named_nodes(made, named_nodes(mesh)), mesh, of)
 
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
+from skfem.helpers import cross
 
-from ..mesh.bases import cross
 from ..mesh.user_input import coords, real_numbers
 from ..surfaces.surface import Surface
 from ..surfaces.tool_mesh import unit

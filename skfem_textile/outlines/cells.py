@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy import ndarray
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 from shapely.geometry.polygon import orient
+from skfem.helpers import cross
 
 from ..fabric import Fabric, unit_vectors
 from ..fabric.fabric import PARALLEL
@@ -50,11 +50,6 @@ _GRID = 40
 
 # Times that a square around a source of a field is divided into four.
 _DIVISIONS = 24
-
-
-def cross(u: ndarray, v: ndarray) -> Any:
-    """Component z of the cross product of vectors in the plane."""
-    return u[0] * v[1] - u[1] * v[0]
 
 
 def angle(u: ndarray, v: ndarray) -> Any:
@@ -109,7 +104,6 @@ class Field:
             raise ValueError(f"{error}; it is not at {coords(x[:, 0])}") from None
 
 
-@dataclass(frozen=True, eq=False)
 class Cell:
     """Part of an outline with one fabric.
 
@@ -121,43 +115,25 @@ class Cell:
         Directions of warp and weft.
     size
         Size of the outline in mm, to which tolerances refer.
+    start, end
+        Ends of each edge, the cell on its left, shape (2, n).
+    turn
+        Turn at the start of each edge in radians, negative where re-entrant.
     """
 
-    shape: shapely.Polygon
-    fields: tuple[Field, Field]
-    size: float
-
-    @cached_property
-    def _rings(self) -> list[ndarray]:
-        return corners_of_rings(self.shape)
-
-    @cached_property
-    def start(self) -> ndarray:
-        """Start of each edge, the cell on its left, shape (2, n)."""
-        return np.hstack(self._rings)
-
-    @cached_property
-    def end(self) -> ndarray:
-        """End of each edge."""
-        return np.hstack([np.roll(ring, -1, axis=1) for ring in self._rings])
-
-    @cached_property
-    def _after(self) -> ndarray:
-        """Unit vectors along the edges."""
-        e = self.end - self.start
-        return e / np.hypot(*e)
-
-    @cached_property
-    def _before(self) -> ndarray:
-        """Unit vectors along the edge before each edge."""
-        parts = by_ring(self._rings, self._after)
-        return np.hstack([np.roll(part, 1, axis=1) for part in parts])
-
-    @cached_property
-    def turn(self) -> ndarray:
-        """Turn at the start of each edge in radians, negative where re-entrant."""
+    def __init__(
+        self, shape: shapely.Polygon, fields: list[Field], size: float
+    ) -> None:
+        self.shape, self.fields, self.size = shape, fields, size
+        rings = corners_of_rings(shape)
+        self.start = np.hstack(rings)
+        self.end = np.hstack([np.roll(ring, -1, axis=1) for ring in rings])
+        # Unit vectors along the edges, and along the edge before each.
+        self._after = (self.end - self.start) / np.hypot(*(self.end - self.start))
+        parts = by_ring(rings, self._after)
+        self._before = np.hstack([np.roll(part, 1, axis=1) for part in parts])
         turn = angle(self._before, self._after)
-        return np.where(np.abs(turn) < _STRAIGHT, 0.0, turn)
+        self.turn = np.where(np.abs(turn) < _STRAIGHT, 0.0, turn)
 
     def _leads_inside(self, corner: Any, d: ndarray, least: float = NEAR) -> ndarray:
         """True where a direction leads from corners into the cell.
@@ -187,33 +163,30 @@ class Cell:
         Returned as a polyline of shape (2, n), or None if the fibre does not lead into
         the cell.
         """
-        field = self.fields[family]
-        if shapely.Point(p).distance(self.shape) > NEAR * self.size:
+        field, near = self.fields[family], NEAR * self.size
+        if shapely.Point(p).distance(self.shape) > near:
             return None
         d = sign * field.at(p[:, None])[:, 0]
         if not self._enters(p, d):
             return None
         if field.constant is None:
             return self._curve(family, p, d)
-        found = self._exit(p, d, 2 * self.size, *[NEAR * self.size] * 2)
-        return None if found is None else np.stack([p, found[1]], axis=1)
+        found = self._exit(p, d, 2 * self.size, near, near)
+        return found and np.stack([p, found[0]], axis=1)
 
     def _enters(self, p: ndarray, d: ndarray) -> bool:
         near = NEAR * self.size
         corner = np.hypot(*(self.start - p[:, None])) <= near
         if corner.any():
             return bool(self._leads_inside(corner, d[:, None]).any())
-        share = ((p[:, None] - self.start) * self._after).sum(axis=0)
-        share = share.clip(0, np.hypot(*(self.end - self.start)))
-        on = np.hypot(*(self.start + share * self._after - p[:, None])) <= near
-        if on.any():
-            return bool((cross(self._after[:, on], d) > NEAR).all())
-        return True
+        sides = shapely.linestrings(np.stack([self.start, self.end], axis=1).T)
+        on = shapely.distance(sides, shapely.Point(p)) <= near
+        return bool((cross(self._after[:, on], d) > NEAR).all())
 
     def _exit(
         self, q: ndarray, d: ndarray, length: float, near: float, least: float
-    ) -> tuple[float, ndarray, int] | None:
-        """Exit of a ray from q, inside the cell: distance, point and edge.
+    ) -> tuple[ndarray, int] | None:
+        """Exit of a ray from q, inside the cell: point and edge.
 
         None if it does not within a length, from the distance ``least`` on.  Corners
         within the distance ``near`` of the ray are on it, and it passes those that it
@@ -235,7 +208,7 @@ class Cell:
         if not valid.size:
             return None
         i = valid[t[valid].argmin()]
-        return float(t[i]), points[:, i], int(edge[i])
+        return points[:, i], int(edge[i])
 
     def _curve(self, family: int, p: ndarray, d: ndarray) -> ndarray | None:
         """Curved fibre from a point in a direction, by an adaptive Runge–Kutta."""
@@ -275,16 +248,17 @@ class Cell:
             q = dense(s)
             for i in range(n):
                 least = near if len(points) == 1 else -near
-                found = self._chord_exit(points[-1], q[:, i + 1], near, least)
+                found = self._chord_exit(points[-1], q[:, i + 1], least)
                 if found:  # by the chord: does the fibre itself leave?
-                    end = self._end_of(dense, (s[i], s[i + 1]), points[-1], near, least)
+                    end = self._end_of(dense, s[i : i + 2], points[-1], least)
                     if end is not None:
                         points.append(end)
                         polyline = np.stack(points, axis=1)
                         long = np.hypot(*np.ptp(polyline, axis=1)) > near
                         return polyline if long else None
-                far = s[i] > 0.01 * self.size
-                if far and _passes(points[-1], q[:, i + 1], p, self.near(family)):
+                side = shapely.LineString([points[-1], q[:, i + 1]])
+                is_back = side.dwithin(shapely.Point(p), self.near(family))
+                if is_back and s[i] > 0.01 * self.size:
                     return np.stack([*points, p], axis=1)  # closed
                 points.append(q[:, i + 1])
             along = last
@@ -294,39 +268,33 @@ class Cell:
         )
 
     def _chord_exit(
-        self, q0: ndarray, q1: ndarray, near: float, least: float
-    ) -> tuple[float, ndarray, int] | None:
+        self, q0: ndarray, q1: ndarray, least: float
+    ) -> tuple[ndarray, int] | None:
         """Exit of a chord from the cell, see `_exit`."""
-        length = float(np.hypot(*(q1 - q0)))
+        length, near = float(np.hypot(*(q1 - q0))), CURVED_NEAR * self.size
         if length <= 1e-3 * near:
             return None
         return self._exit(q0, (q1 - q0) / length, length, near, least)
 
     def _end_of(
-        self,
-        dense: Any,
-        side: tuple[float, float],
-        start: ndarray,
-        near: float,
-        least: float,
+        self, dense: Any, side: ndarray, start: ndarray, least: float
     ) -> ndarray | None:
         """Where a side of a curved fibre leaves the cell; None if only its chord does.
 
         ``dense`` is the position along the step, and ``side`` the ends of the side.
         """
-        s = np.linspace(*side, _FINER + 1)
+        s = np.linspace(side[0], side[1], _FINER + 1)
         points = np.hstack([start[:, None], dense(s[1:])])
         for low, high, q0, q1 in zip(s, s[1:], points.T, points.T[1:], strict=False):
-            found = self._chord_exit(q0, q1, near, least)
+            found = self._chord_exit(q0, q1, least)
             if found:
-                return self._on_edge(dense, low, high, found)
+                return self._on_edge(dense, low, high, *found)
         return None
 
     def _on_edge(
-        self, dense: Any, low: float, high: float, found: tuple[float, ndarray, int]
+        self, dense: Any, low: float, high: float, at: ndarray, edge: int
     ) -> ndarray:
         """Intersection of a curved fibre with the edge that its chord meets."""
-        _, at, edge = found
         a, e = self.start[:, edge], self._after[:, edge]
         if np.hypot(*(at - a)) <= CURVED_NEAR * self.size:
             return a
@@ -357,9 +325,12 @@ class Cell:
         z = ((weft[0] + 1j * weft[1]) / (warp[0] + 1j * warp[1])) ** 2
         twice = np.full(inside.shape, np.nan)
         twice[inside] = np.angle(z)[: inside.sum()]
-        for axis in range(2):
-            p, q = _neighbours(twice, axis)
-            x, y = _neighbours(grid, axis + 1)
+        rows, columns = (
+            [np.s_[..., :-1, :], np.s_[..., 1:, :]],
+            [np.s_[..., :-1], np.s_[..., 1:]],
+        )
+        for before, after in (rows, columns):
+            p, q, x, y = twice[before], twice[after], grid[before], grid[after]
             passes = (p * q < 0) & (np.abs(p - q) < np.pi)
             share = p[passes] / (p - q)[passes]
             at = x[:, passes] + share * (y - x)[:, passes]
@@ -407,19 +378,6 @@ def _turns_around(field: Field, corner: ndarray, step: float) -> ndarray:
     return np.abs(turn) > np.pi
 
 
-def _neighbours(a: ndarray, axis: int) -> tuple[ndarray, ndarray]:
-    """Values at grid points and at their successors along an axis."""
-    n = a.shape[axis]
-    return np.take(a, range(n - 1), axis), np.take(a, range(1, n), axis)
-
-
-def _passes(q0: ndarray, q1: ndarray, p: ndarray, near: float) -> bool:
-    """True if a segment passes a point within a distance."""
-    side = q1 - q0
-    share = np.clip((p - q0) @ side / (side @ side), 0, 1)
-    return bool(np.hypot(*(q0 + share * side - p)) <= near)
-
-
 def corners_of_rings(shape: shapely.Polygon) -> list[ndarray]:
     """Corners of the rings of a polygon, each of shape (2, n), the outer one first."""
     return [x[:-1].T for x in map(shapely.get_coordinates, shapely.get_rings(shape))]
@@ -448,8 +406,7 @@ def cells_of(
         fields = [Field.of(f.name, f.direction) for f in of_part.families]
         for polygon in shapely.get_parts(part):
             if polygon.geom_type == "Polygon" and polygon.area > NEAR * shape.area:
-                pair = fields[0], fields[1]
-                cells.append(Cell(orient(polygon), pair, outline.size))
+                cells.append(Cell(orient(polygon), fields, outline.size))
                 cells[-1].check_fields()
     return cells
 

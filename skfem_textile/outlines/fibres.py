@@ -13,19 +13,13 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy import ndarray
+from skfem.helpers import cross
 
 from ..fabric import Fabric, TensionOnly, TwoLaws
 from ..fabric.law import domain_of, mean_slope
 from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
-from .cells import (
-    CORNER,
-    Cell,
-    angle,
-    cells_of,
-    cross,
-    lines_between,
-)
+from .cells import CORNER, Cell, angle, cells_of, lines_between
 from .outline import Outline
 from .rings import NEAR
 from .seeds import ConditionSeeds, Seed, seeds_of_conditions, seeds_of_corners
@@ -194,18 +188,12 @@ def singular_fibres(
     seeds = supports.seeds + seeds_of_corners(outline, cells, borders)
     tracing = _Tracing(cells, supports, borders, width, outline.size)
     tracing.strong(seeds)
-    fibres, free_ends = tracing.found, tracing.free_ends
-    tracing.found = []
-    weak = _free_corners(outline, tracing) + free_ends
-    tracing.weak(weak)
+    fibres, dropped, tracing.found = tracing.found, tracing.dropped, []
+    for seed in _free_corners(outline, tracing) + tracing.free_ends:
+        tracing.trace(seed, width)
     notes = supports.notes + [n for one in everywhere for n in _moving(one)]
     return SingularFibres(
-        fibres,
-        tracing.found,
-        borders,
-        supports.held,
-        tracing.dropped,
-        width,
+        *(fibres, tracing.found, borders, supports.held, dropped, width),
         list(dict.fromkeys(notes)),
         supports.others,
     )
@@ -258,15 +246,8 @@ class _Tracing:
         queue = deque((seed, False) for seed in seeds)
         while queue:
             seed, reflected = queue.popleft()
-            for end, family in self._trace(seed, self._width if reflected else None):
+            for end, family in self.trace(seed, self._width if reflected else 0.0):
                 queue += [(s, True) for s in self._reflections(end, family, seed)]
-
-    def weak(self, seeds: list[Seed]) -> None:
-        """Trace fibres from seeds, unless they are close to others."""
-        dropped = self.dropped
-        for seed in seeds:
-            self._trace(seed, self._width)
-        self.dropped = dropped
 
     def held_at(self, x: ndarray) -> str:
         """Name of the condition that holds a point of the boundary; '' if free."""
@@ -286,29 +267,30 @@ class _Tracing:
         self.free_ends.append(Seed(x, f"{origin}, reflected", (1 - family,)))
         return []
 
-    def _trace(self, seed: Seed, width: float | None) -> list[tuple[ndarray, int]]:
-        """Add the fibres through a seed; returns their ends and families."""
+    def trace(self, seed: Seed, width: float) -> list[tuple[ndarray, int]]:
+        """Add fibres through a seed, unless others are closer than a width.
+
+        Returns their ends and families.
+        """
         ends = []
         for cell, known in zip(self._cells, self._known, strict=True):
             for family in seed.families:
                 if known[family].at(seed.point, cell.near(family)):
                     continue
-                halves: list[ndarray] = []
+                points = np.empty((2, 0))
                 for sign in (1, -1):
-                    if halves and (halves[0][:, 0] == halves[0][:, -1]).all():
-                        break  # closed
                     half = cell.trace(family, seed.point, sign)
                     if half is None:
                         continue
                     if width and known[family].near(half, width):
                         self.dropped += 1
                         continue
-                    halves.append(half)
+                    one = half[:, :0:-1] if points.size else half
+                    points = np.hstack([one, points])
                     ends.append((half[:, -1], family))
-                if halves:
-                    points = halves[0]
-                    if len(halves) == 2:
-                        points = np.hstack([halves[1][:, :0:-1], points])
+                    if (half[:, 0] == half[:, -1]).all():
+                        break  # closed
+                if points.size:
                     known[family].add(points)
                     self._add(SingularFibre(points, family, seed.origin))
         return ends

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
+from skfem.helpers import cross
 
 from ..fabric import Fabric, is_zero
 from ..fabric.directions import with_smooth_fields
@@ -25,13 +26,13 @@ from ..mesh.splitting import (
     corner_areas,
     cut,
     original_elements,
+    parts_of,
     was_split,
 )
 from ..mesh.user_input import coords
 from ..ply.formulations import DEFAULT, ON_FIBRES, SMOOTH
 from ..ply.terms import Formulation
 from ..solve.conditions import Conditions
-from .cells import cross
 from .fibres import has_free_side_along_fibres, singular_fibres
 from .meshing import along_edges
 from .outline import Outline
@@ -444,45 +445,87 @@ class _Fit:
         return at
 
     def _cut_triangles(self, middle: Any) -> None:
-        t, parent = self.t, self.parent
-        m = np.stack([middle(t[[j, (j + 1) % 3]]) for j in range(3)])
+        m = np.stack([middle(self.t[[j, (j + 1) % 3]]) for j in range(3)])
         count = (m >= 0).sum(axis=0)
-        new, old = [t[:, count == 0]], [parent[count == 0]]
-        for j in range(3):  # one edge
-            a, b, c = np.roll(t, -j, axis=0)
-            ab, bc, ca = np.roll(m, -j, axis=0)
+        pieces = [(count == 0, tuple(self.t))]
+        for j in range(3):
+            (a, b, c), (ab, bc, ca) = (np.roll(x, -j, axis=0) for x in (self.t, m))
             one = (count == 1) & (ab >= 0)
-            new += [np.stack([a, ab, c])[:, one], np.stack([ab, b, c])[:, one]]
+            pieces += [(one, (a, ab, c)), (one, (ab, b, c))]
             two = (count == 2) & (bc < 0)  # the corner a is cut off
             # The shorter diagonal of the rest.
             first = np.hypot(*(self.p[:, ab] - self.p[:, c])) < np.hypot(
                 *(self.p[:, b] - self.p[:, ca])
             )
-            new.append(np.stack([a, ab, ca])[:, two])
-            new.append(np.stack([ab, b, np.where(first, c, ca)])[:, two])
-            new.append(np.stack([np.where(first, ab, b), c, ca])[:, two])
-            old += [parent[one]] * 2 + [parent[two]] * 3
-        (a, b, c), (ab, bc, ca) = t, m
-        three = count == 3
-        for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)):
-            new.append(np.stack(corners)[:, three])
-            old.append(parent[three])
-        self.t, self.parent = np.hstack(new), np.concatenate(old)
+            rest = (ab, b, np.where(first, c, ca)), (np.where(first, ab, b), c, ca)
+            pieces += [(two, corners) for corners in ((a, ab, ca), *rest)]
+        (a, b, c), (ab, bc, ca) = self.t, m
+        quarters = (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)
+        pieces += [(count == 3, corners) for corners in quarters]
+        self.t = np.hstack([np.stack(corners)[:, of] for of, corners in pieces])
+        self.parent = np.concatenate([self.parent[of] for of, _ in pieces])
 
     def collapse(self, i: int) -> None:
-        """Collapse short edges of triangles at a fibre, after its cuts."""
+        """Collapse short edges of poor triangles at a fibre, where angles increase.
+
+        Nodes on a line move along it only, the outline and the lines remain edges, and
+        the nodes of the given mesh remain.
+        """
         turned = self._signed() < 0
         self.t[1:, turned] = self.t[:0:-1, turned]
-        nodes = Nodes(self.p, self._kind, self._line, self._on)
-        at_fibre = self._on[i][self.t].any(axis=0)
-        kept, becomes = collapse(nodes, self.t, self._n, at_fibre)
+        t, nodes = self.t, (self.p, self._kind, self._line, self._on)
+        becomes, alive = np.arange(self.p.shape[1]), np.ones(t.shape[1], dtype=bool)
+        angles = smallest_angles(self.p, t)
+        poor = np.flatnonzero((angles < _POOR) & self._on[i][t].any(axis=0))
+        queue = poor[np.argsort(angles[poor])].tolist()
+        while queue:
+            k = queue.pop(0)
+            if not alive[k] or angles[k] >= _POOR:
+                continue
+            for a, b in _short_first(self.p, t[:, k]):
+                around = np.flatnonzero(alive & ((t == a) | (t == b)).any(axis=0))
+                has_a, has_b = ((t[:, around] == end).any(axis=0) for end in (a, b))
+                if not self._may_move(a, b, t[:, around], has_a, has_b):
+                    continue
+                rest = around[has_a != has_b]
+                moved = np.where(t[:, rest] == a, b, t[:, rest])
+                after = smallest_angles(self.p, moved)
+                if after.min() <= angles[around].min():
+                    continue
+                keep, drop = min(a, b), max(a, b)
+                for values in nodes:
+                    values[..., keep] = values[..., b]
+                becomes[becomes == drop] = keep
+                t[:, rest] = np.where(moved == drop, keep, moved)
+                alive[around[has_a & has_b]] = False
+                angles[rest] = after
+                queue += rest[after < _POOR].tolist()
+                break
         used = np.unique(becomes)
         number = np.searchsorted(used, becomes)
         self.p, self._kind, self._line, self._on = (x[..., used] for x in nodes)
-        self.t, self.parent = number[self.t[:, kept]], self.parent[kept]
+        self.t, self.parent = number[t[:, alive]], self.parent[alive]
         for name, ends in self._names.items():
             ends = number[ends]
             self._names[name] = ends[:, ends[0] != ends[1]]
+
+    def _may_move(
+        self, a: int, b: int, t: ndarray, has_a: ndarray, has_b: ndarray
+    ) -> bool:
+        """True if node a may be merged with its neighbour b at the position of b.
+
+        ``t`` are the triangles around both, ``has_a`` and ``has_b`` which nodes they
+        have.
+        """
+        if max(a, b) < self._n:
+            return False
+        n_both = np.count_nonzero(has_a & has_b)
+        if np.intersect1d(t[:, has_a], t[:, has_b]).size != 2 + n_both:
+            return False
+        if self._kind[a] == ON_LINE:
+            i = self._line[a]
+            return bool(n_both == 1 if i < 0 else self._on[i, [a, b]].all())
+        return bool(self._kind[a] == FREE)
 
     def result(self, mesh: Mesh) -> FittedMesh:
         """The mesh, with names."""
@@ -505,11 +548,8 @@ class _Fit:
         singular &= fitted.f2t[1] >= 0
         if singular.any():
             boundaries[SINGULAR] = np.flatnonzero(singular)
-        subdomains = {
-            name: np.flatnonzero(np.isin(self.parent, elements))
-            for name, elements in (mesh.subdomains or {}).items()
-        }
-        fitted = with_names(fitted, boundaries or None, subdomains or None)
+        subdomains = parts_of(self.parent, mesh.subdomains)
+        fitted = with_names(fitted, boundaries or None, subdomains)
         if len(self.t) == 3 and len(self.parent) > mesh.nelements:
             self._report_smallest_angle()
         fitted = with_named_nodes(fitted, named_nodes(mesh))
@@ -568,27 +608,6 @@ FREE, ON_LINE, FIXED = 0, 1, 2
 _POOR = 15.0
 
 
-class Nodes(NamedTuple):
-    """Nodes of a triangle mesh, whose arrays `collapse` changes.
-
-    Attributes
-    ----------
-    p
-        Positions, shape (2, n).
-    kind
-        `FREE`, `ON_LINE` or `FIXED`, shape (n,).
-    line
-        Number of the line of a node of the kind `ON_LINE`, −1 for the outline; (n,).
-    on
-        True for nodes on each of the other lines, shape (n_lines, n).
-    """
-
-    p: ndarray
-    kind: ndarray
-    line: ndarray
-    on: ndarray
-
-
 def smallest_angles(p: ndarray, t: ndarray) -> ndarray:
     """Smallest angle of each triangle in degrees, negative if it is turned over."""
     side = p[:, np.roll(t, -1, axis=0)] - p[:, t]
@@ -601,85 +620,9 @@ def smallest_angles(p: ndarray, t: ndarray) -> ndarray:
     return angle.min(axis=0)
 
 
-def collapse(
-    nodes: Nodes, t: ndarray, n_kept: int, among: ndarray | bool = True
-) -> tuple[ndarray, ndarray]:
-    """Collapse the shortest edges of poor triangles where this increases the angles.
-
-    Nodes on a line move along it only, the outline and the lines remain edges, and the
-    first ``n_kept`` nodes remain.
-
-    Parameters
-    ----------
-    nodes
-        The nodes; their arrays are changed.
-    t
-        Triangles, anticlockwise, shape (3, n_elements).
-    n_kept
-        Number of the first nodes that remain.
-    among
-        True for the triangles with which the search begins.
-
-    Returns
-    -------
-    kept
-        Numbers of the triangles that remain.
-    becomes
-        Node of the changed triangles that replaces each node, shape (n,): itself, or
-        the node with which it was merged.
-    """
-    becomes, alive = np.arange(nodes.p.shape[1]), np.ones(t.shape[1], dtype=bool)
-    angles = smallest_angles(nodes.p, t)
-    poor = np.flatnonzero((angles < _POOR) & among)
-    queue = poor[np.argsort(angles[poor])].tolist()
-    while queue:
-        k = queue.pop(0)
-        if not alive[k] or angles[k] >= _POOR:
-            continue
-        for a, b in _short_first(nodes.p, t[:, k]):
-            if max(a, b) < n_kept:
-                continue
-            around = np.flatnonzero(alive & ((t == a) | (t == b)).any(axis=0))
-            has_a, has_b = ((t[:, around] == end).any(axis=0) for end in (a, b))
-            if not _may_move(nodes, t[:, around], has_a, has_b, a, b):
-                continue
-            gone, rest = around[has_a & has_b], around[has_a != has_b]
-            moved = np.where(t[:, rest] == a, b, t[:, rest])
-            after = smallest_angles(nodes.p, moved)
-            if after.min() <= angles[around].min():
-                continue
-            keep, drop = min(a, b), max(a, b)
-            for values in nodes:
-                values[..., keep] = values[..., b]
-            becomes[becomes == drop] = keep
-            t[:, rest] = np.where(moved == drop, keep, moved)
-            alive[gone] = False
-            angles[rest] = after
-            queue += rest[after < _POOR].tolist()
-            break
-    return np.flatnonzero(alive), becomes
-
-
 def _short_first(p: ndarray, corners: ndarray) -> list[tuple[int, int]]:
     """Pairs (a, b) of corners, those at the ends of the shortest edge first."""
     ends = np.stack([corners, np.roll(corners, -1)])
     order = np.argsort(np.hypot(*(p[:, ends[0]] - p[:, ends[1]])))[:2]
     pairs = ends[:, order].T.tolist()
     return [pair for a, b in pairs for pair in ((a, b), (b, a))]
-
-
-def _may_move(
-    nodes: Nodes, t: ndarray, has_a: ndarray, has_b: ndarray, a: int, b: int
-) -> bool:
-    """True if node a may be merged with its neighbour b at the position of b.
-
-    ``t`` are the triangles around both, ``has_a`` and ``has_b`` which nodes they have.
-    """
-    both = has_a & has_b
-    of_a, of_b = np.unique(t[:, has_a]), np.unique(t[:, has_b])
-    if np.intersect1d(of_a, of_b).size != 2 + both.sum():
-        return False
-    if nodes.kind[a] == ON_LINE:
-        i = nodes.line[a]
-        return bool(both.sum() == 1 if i < 0 else nodes.on[i, [a, b]].all())
-    return bool(nodes.kind[a] == FREE)

@@ -12,6 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 from skfem import Mesh, MeshQuad, MeshTri
+from skfem.helpers import cross
 
 from ..fabric import Fabric, unit_vectors
 from ..mesh.scikit_fem import with_names
@@ -19,7 +20,6 @@ from ..mesh.selection import SINGULAR, edge_numbers, with_named_nodes
 from ..mesh.splitting import split_cells
 from ..mesh.user_input import coords
 from ..solve.conditions import Conditions
-from .cells import cross
 from .fibres import SingularFibre, SingularFibres, singular_fibres
 from .net import Lines, cut_cells, even, graded, net
 from .outline import REST, Outline, by_ring

@@ -12,17 +12,11 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
+from ..mesh.checks import sides_of_box
 from ..mesh.selection import named_nodes
 from ..mesh.user_input import coords, printable, real_numbers
 from .drawings import kind_of_drawing
-from .rings import (
-    NEAR,
-    Ring,
-    Segment,
-    rings_of_curves,
-    rings_of_segments,
-    valid_ring,
-)
+from .rings import NEAR, Ring, Segment, rings_of_curves, rings_of_segments, valid_ring
 
 # Names of tables of curves.
 _TABLES = ".csv", ".txt", ".dat"
@@ -101,14 +95,11 @@ class Outline:
         points: Mapping[str, ArrayLike] | None = None,
         regions: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        self._what = ["the outline", *_names_of_holes(len(holes))]
-        both = zip(self._what, (polygon, *holes), strict=True)
-        given = [valid_ring(*one) for one in both]
-        turned = [_is_anticlockwise(r) == (i > 0) for i, r in enumerate(given)]
-        self.rings = [
-            np.ascontiguousarray(r[:, ::-1]) if t else r
-            for r, t in zip(given, turned, strict=True)
-        ]
+        numbers = [""] if len(holes) == 1 else [f" {i + 1}" for i in range(len(holes))]
+        self._what = ["the outline", *(f"hole{number}" for number in numbers)]
+        given = list(map(valid_ring, self._what, (polygon, *holes)))
+        self.rings = [_oriented(ring, i == 0) for i, ring in enumerate(given)]
+        turned = [x is not y for x, y in zip(given, self.rings, strict=True)]
         self.polygon, self.holes = self.rings[0], self.rings[1:]
         self.size = float(np.hypot(*np.ptp(self.polygon, axis=1)))
         self._shape = shapely.Polygon(self.polygon.T, [hole.T for hole in self.holes])
@@ -117,10 +108,9 @@ class Outline:
         self.edge_names = self._first_names()
         self.points = {n: self._point(n, x) for n, x in (points or {}).items()}
         self.regions = {n: self._region(n, x) for n, x in (regions or {}).items()}
-        for a, b in combinations(self.regions, 2):
-            both = shapely.Polygon(self.regions[a].T) & shapely.Polygon(
-                self.regions[b].T
-            )
+        polygons = {name: shapely.Polygon(x.T) for name, x in self.regions.items()}
+        for a, b in combinations(polygons, 2):
+            both = polygons[a] & polygons[b]
             if both.area > NEAR * self.size**2:
                 raise ValueError(
                     f"the regions {a!r} and {b!r} overlap near "
@@ -189,14 +179,9 @@ class Outline:
                 if turned[ring]:
                     numbers = (n - 2 - numbers) % n
                 boundaries[name][first[ring] + numbers] = True
-        x = np.stack(self.edges())[:, :, : sizes[0]]
-        for axis, sides in enumerate((("left", "right"), ("bottom", "top"))):
-            low, high = self.polygon[axis].min(), self.polygon[axis].max()
-            for name, side in zip(sides, (low, high), strict=True):
-                on = (np.abs(x[:, axis] - side) <= NEAR * self.size).all(axis=0)
-                if on.any():
-                    default = np.pad(on, (0, first[-1] - sizes[0]))
-                    boundaries.setdefault(name, default)
+        outer = np.stack(self.edges(), axis=1)[:, :, : sizes[0]]
+        for name, on_side in sides_of_box(outer).items():
+            boundaries.setdefault(name, np.pad(on_side, (0, first[-1] - sizes[0])))
         of_ring = np.repeat(np.arange(len(sizes)), sizes)
         for i, name in enumerate(self._what[1:], start=1):
             boundaries.setdefault(name, of_ring == i)
@@ -227,7 +212,7 @@ class Outline:
             raise ValueError(
                 f"region {name!r} at {coords(ring[:, 0])} lies outside the outline"
             )
-        return ring if _is_anticlockwise(ring) else np.ascontiguousarray(ring[:, ::-1])
+        return _oriented(ring, anticlockwise=True)
 
     @classmethod
     def of_mesh(
@@ -258,12 +243,12 @@ class Outline:
         ((2, 4), [['bottom', 'right', 'top', 'left']])
         """
         boundary = mesh.boundary_facets()
-        names = {n: np.asarray(e, int) for n, e in (mesh.boundaries or {}).items()}
-        named = [(name, np.isin(boundary, edges)) for name, edges in names.items()]
-        segments = [
-            Segment(int(a), int(b), [name for name, on in named if on[i]])
-            for i, (a, b) in enumerate(mesh.facets[:, boundary].T)
-        ]
+        names: dict[int, list[str]] = {edge: [] for edge in boundary.tolist()}
+        for name, edges in (mesh.boundaries or {}).items():
+            for edge in np.intersect1d(np.asarray(edges, int), boundary).tolist():
+                names[edge].append(name)
+        ends = mesh.facets[:, boundary].tolist()
+        segments = list(map(Segment, *ends, names.values()))
         points = {
             n: mesh.p[:, at[0]] for n, at in named_nodes(mesh).items() if at.size == 1
         }
@@ -419,12 +404,10 @@ def by_ring(rings: Sequence[ndarray], values: ndarray) -> list[ndarray]:
     return np.split(values, ends[:-1], axis=-1)
 
 
-def _is_anticlockwise(ring: ndarray) -> bool:
-    return bool(shapely.is_ccw(shapely.linearrings(ring.T)))
-
-
-def _names_of_holes(n: int) -> list[str]:
-    return ["hole"] if n == 1 else [f"hole {i + 1}" for i in range(n)]
+def _oriented(ring: ndarray, anticlockwise: bool) -> ndarray:
+    """The ring itself, or its corners in reverse order."""
+    turned = shapely.is_ccw(shapely.linearrings(ring.T)) != anticlockwise
+    return np.ascontiguousarray(ring[:, ::-1]) if turned else ring
 
 
 def _pairs(name: str, edges: Edges) -> list[tuple[int, ndarray]]:

@@ -1,7 +1,7 @@
 """Curves of drawings, rings of those that meet end to end, and their nesting."""
 
 import logging
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -11,7 +11,6 @@ import shapely
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
-from shapely.validation import explain_validity
 
 from ..mesh.checks import refuse_metres
 from ..mesh.graph import components
@@ -120,18 +119,17 @@ def _on_layers(
     wanted = [layer] if isinstance(layer, str) else list(layer)
     if not wanted:
         raise ValueError(f"{what}: layer has no name")
-    of_curve = [{key(name) for name in curve.layers} for curve in curves]
+    known = dict.fromkeys(name for curve in curves for name in curve.layers)
     for name in wanted:
-        if not any(key(name) in keys for keys in of_curve):
-            known = list(dict.fromkeys(one for curve in curves for one in curve.layers))
-            listed = ", ".join(repr(excerpt(name)) for name in known[:LISTED])
+        if key(name) not in map(key, known):
+            listed = ", ".join(repr(excerpt(other)) for other in [*known][:LISTED])
             more = ", ..." if len(known) > LISTED else ""
             raise ValueError(
                 f"{what} has no visible lines on the layer {excerpt(name)!r}; it has "
                 f"lines on {listed or 'no layer'}{more}"
             )
-    keys = {key(name) for name in wanted}
-    return [curve for curve, of in zip(curves, of_curve, strict=True) if keys & of]
+    keys = set(map(key, wanted))
+    return [curve for curve in curves if not keys.isdisjoint(map(key, curve.layers))]
 
 
 def refuse_too_many(what: str, number: int) -> None:
@@ -219,8 +217,8 @@ def rings_of_curves(curves: Sequence[Curve], what: str, tolerance: float) -> lis
         elif curve.points.shape[1] > 1:
             still_open.append(i)
     near = 2 * tolerance + JOINED * size
-    others = _unrepeated(curves, still_open, rings, near)
-    rings |= _joined(curves, others, JOINED * size, NEAR * size, what)
+    if others := _unrepeated(curves, still_open, list(rings.values()), near):
+        rings |= _joined(curves, others, JOINED * size, NEAR * size, what)
     in_order = [_merged(rings[i]) for i in sorted(rings)]
     return _nested(_distinct(in_order, near), what)
 
@@ -249,17 +247,15 @@ def _corners(points: ndarray) -> ndarray:
 
 
 def _unrepeated(
-    curves: Sequence[Curve], numbers: list[int], rings: dict[int, Ring], near: float
+    curves: Sequence[Curve], numbers: list[int], rings: list[Ring], near: float
 ) -> list[int]:
     """Indices of open curves, without those along a ring."""
-    if not numbers:
-        return []
-    tree = shapely.STRtree([shapely.LinearRing(r.points.T) for r in rings.values()])
-    first = [shapely.Point(curves[i].points[:, 0]) for i in numbers]
-    pairs = tree.query(first, "dwithin", near).T
-    closed = list(rings.values())
+    tree = shapely.STRtree([shapely.LinearRing(ring.points.T) for ring in rings])
+    first = np.array([shapely.Point(curves[i].points[:, 0]) for i in numbers], object)
     repeated = {
-        numbers[i] for i, j in pairs if _repeats(curves[numbers[i]], closed[j], near)
+        numbers[i]
+        for i, j in tree.query(first, "dwithin", near).T
+        if _repeats(curves[numbers[i]], rings[j], near)
     }
     return [i for i in numbers if i not in repeated]
 
@@ -297,8 +293,6 @@ def _joined(
     what
         The file, for messages.
     """
-    if not numbers:
-        return {}
     points = [curves[i].points for i in numbers]
     p = np.hstack(points)
     last = np.cumsum([x.shape[1] for x in points]) - 1
@@ -329,10 +323,10 @@ def _traced(
     p: ndarray, segments: Sequence[Segment], what: str, where: Sequence[str]
 ) -> list[tuple[list[int], list[int]]]:
     """Nodes and segments of each ring of segments between nodes at p."""
-    at: dict[int, list[int]] = {}
+    at: dict[int, list[int]] = defaultdict(list)
     for i, segment in enumerate(segments):
-        at.setdefault(segment.start, []).append(i)
-        at.setdefault(segment.end, []).append(i)
+        for node in segment[:2]:
+            at[node].append(i)
     for node, incident in at.items():
         if len(incident) != 2:
             of = f" of {where[segments[incident[0]].curve]}" if where else ""
@@ -341,17 +335,17 @@ def _traced(
                 "outline has two at each corner: close it, or select layers"
             )
     rings: list[tuple[list[int], list[int]]] = []
-    left = set(range(len(segments)))
-    for first in range(len(segments)):
-        i, nodes, numbers = first, [segments[first].start], []
+    left = dict.fromkeys(range(len(segments)))
+    while left:
+        i, numbers = next(iter(left)), []
+        nodes = [segments[i].start]
         while i in left:
-            left.remove(i)
+            del left[i]
             numbers.append(i)
             start, end = segments[i][:2]
             nodes.append(end if nodes[-1] == start else start)
             i = next((j for j in at[nodes[-1]] if j in left), i)
-        if numbers:
-            rings.append((nodes[:-1], numbers))
+        rings.append((nodes[:-1], numbers))
     return rings
 
 
@@ -400,7 +394,6 @@ def _nested(rings: list[Ring], what: str) -> list[Ring]:
     of = [f"{what}{ring.where and ', '}{ring.where}: the line" for ring in rings]
     corners = [valid_ring(name, r.points) for name, r in zip(of, rings, strict=True)]
     lines = np.array([shapely.LinearRing(x.T) for x in corners])
-    polygons = shapely.polygons(lines)
     tree = shapely.STRtree(lines)
     for i, j in tree.query(lines, "intersects").T:
         if i < j:
@@ -409,9 +402,9 @@ def _nested(rings: list[Ring], what: str) -> list[Ring]:
                 f"{what}: {_about(rings[i])} and {_about(rings[j])} touch or cross at "
                 f"{coords(where)}"
             )
-    inside = tree.query(polygons, "contains_properly")[1]
+    inside = tree.query(shapely.polygons(lines), "contains_properly")[1]
     depth = np.bincount(inside, minlength=len(rings))
-    outer = [ring for ring, d in zip(rings, depth, strict=True) if d == 0]
+    outer = [rings[i] for i in np.flatnonzero(depth == 0)]
     if len(outer) > 1:
         raise ValueError(
             f"{what} has {len(outer)} pieces: {_listed(outer)}; a ply is one: select "
@@ -423,7 +416,7 @@ def _nested(rings: list[Ring], what: str) -> list[Ring]:
             f"{what}: {_about(rings[islands[0]])} is a piece in a hole of "
             f"{_about(outer[0])}; a ply is one piece: select its layer"
         )
-    holes = [ring for ring, d in zip(rings, depth, strict=True) if d]
+    holes = [rings[i] for i in np.flatnonzero(depth)]
     if holes and outer[0].where:
         log.warning(
             "%s: the ply is %s, with the hole(s) %s; select other layers if this is "
@@ -469,7 +462,7 @@ def valid_ring(what: str, corners: ArrayLike) -> ndarray:
         raise ValueError(f"{what} has no area, at {coords(ring[:, 0])}")
     polygon = shapely.Polygon(ring.T)
     if not polygon.is_valid:
-        where = explain_validity(polygon).partition("[")[2].rstrip("]").split()
+        where = shapely.is_valid_reason(polygon).partition("[")[2].rstrip("]").split()
         raise ValueError(
             f"{what} crosses or touches itself at {coords(np.array(where, float))}"
         )

@@ -10,12 +10,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from ..mesh.user_input import call_user_function, coords
-from ..ply.loads import (
-    BodyForce,
-    Force,
-    Pressure,
-    Traction,
-)
+from ..ply.loads import BodyForce, Force, Pressure, Traction
 from ..solve.conditions import Condition, Conditions
 from ..solve.on_surface import OnSurface
 from .cells import CORNER, Cell
@@ -88,8 +83,6 @@ class Part:
 
     def runs(self, near: float, turn: float) -> list[tuple[ndarray, ndarray]]:
         """Ends of straight runs of pieces, which turn by less than ``turn`` radians."""
-        if not self.start.size:
-            return []
         along = self.end - self.start
         angle = np.arctan2(along[1], along[0])
         gap, following = KDTree(self.start.T).query(self.end.T)
@@ -108,9 +101,12 @@ class Part:
 
 def _coincident(points: ndarray, others: ndarray, near: float) -> ndarray:
     """True for points, shape (2, n), that are near another."""
-    if not others.size:
-        return np.zeros(points.shape[1], dtype=bool)
     return np.asarray(KDTree(others.T).query(points.T)[0] <= near)
+
+
+def _between(start: ndarray, end: ndarray, s: ndarray) -> ndarray:
+    """Points at shares s of the way from a start to an end, shape (2, n)."""
+    return start[:, None] + s * (end - start)[:, None]
 
 
 def part_of(what: str, where: Any, outline: Outline) -> Part:
@@ -166,29 +162,26 @@ def _where(what: str, where: Callable[[ndarray], ndarray], outline: Outline) -> 
     x = start[:, :, None] + s * (end - start)[:, :, None]
     x[:, :, -1] = end
     chosen = holds(x.reshape(2, -1)).reshape(x.shape[1:])
-    starts, ends, corners = [], [], []
-    for i in range(start.shape[1]):
+    pieces, corners = [], []
+    for a, b, on in zip(start.T, end.T, chosen, strict=True):
 
-        def at(share: ndarray | float, i: int = i) -> ndarray:
-            return start[:, [i]] + share * (end - start)[:, [i]]
-
-        def changes(share: ndarray, at: Callable[[Any], ndarray] = at) -> ndarray:
-            return np.diff(holds(at(share)))
+        def changes(s: ndarray, a: ndarray = a, b: ndarray = b) -> ndarray:
+            return np.diff(holds(_between(a, b, s)))
 
         cuts = []
-        for k in np.flatnonzero(np.diff(chosen[i])):
-            low, high = _narrowed(changes, s[k], s[k + 1])
-            cuts.append(low if chosen[i, k] else high)
-        bounds = [0.0, *cuts, 1.0]
-        for j in range(0 if chosen[i, 0] else 1, len(bounds) - 1, 2):
-            low, high = bounds[j], bounds[j + 1]
-            at_corner = low == 0 or high == 1
-            if at_corner and high - low < _AT_CORNER:
-                corners.append(start[:, i] if low == 0 else end[:, i])
+        for k in np.flatnonzero(np.diff(on)):
+            before, after = _narrowed(changes, s[k], s[k + 1])
+            cuts.append(before if on[k] else after)
+        bounds = np.array([0.0, *cuts, 1.0])[0 if on[0] else 1 :]
+        ends = _between(a, b, bounds)
+        ends[:, bounds == 1] = b[:, None]
+        for j in range(0, len(bounds) - 1, 2):
+            low, high = bounds[j : j + 2]
+            if (low == 0 or high == 1) and high - low < _AT_CORNER:
+                corners.append(a if low == 0 else b)
             else:
-                starts.append(start[:, i] if low == 0 else at(low)[:, 0])
-                ends.append(end[:, i] if high == 1 else at(high)[:, 0])
-    part = Part(np.reshape(starts, (-1, 2)).T, np.reshape(ends, (-1, 2)).T)
+                pieces.append(ends[:, j : j + 2])
+    part = Part(*np.reshape(pieces, (-1, 2, 2)).transpose(2, 1, 0))
     near = NEAR * outline.size
     for x in corners:
         if not _coincident(x[:, None], np.hstack([part.start, part.end]), near).any():
@@ -240,11 +233,9 @@ def seeds_of_conditions(
     ValueError
         If a condition or load is not valid on the outline.
     """
-    near, others = NEAR * outline.size, []
-    notes: list[str] = []
+    near = NEAR * outline.size
     seeds = [Seed(x, f"point {name}") for name, x in outline.points.items()]
-    held: list[ndarray] = []
-    names: list[str] = []
+    found = ConditionSeeds([], [], seeds, [], [])
     conditions = {} if conditions is None else conditions
     if not isinstance(conditions, Mapping):
         raise ValueError(
@@ -254,7 +245,7 @@ def seeds_of_conditions(
     for name, condition in conditions.items():
         what = f"condition {name!r}"
         if isinstance(condition, OnSurface):
-            notes.append(f"contact ({name})")
+            found.notes.append(f"contact ({name})")
             continue
         if not isinstance(condition, Condition):
             raise ValueError(
@@ -263,8 +254,8 @@ def seeds_of_conditions(
             )
         part = part_of(what, condition.where, outline)
         label = condition.where if isinstance(condition.where, str) else name
-        held += list(np.stack([part.start.T, part.end.T], axis=2))
-        names += [label] * part.start.shape[1]
+        found.held.extend(np.stack([part.start.T, part.end.T], axis=2))
+        found.names.extend([label] * part.start.shape[1])
         seeds += _of_part(part, label, near)
         seeds += _of_motion(part, name, condition, label, near)
     for load in loads:
@@ -280,7 +271,7 @@ def seeds_of_conditions(
             what, where = load.name or "force", load.where  # type: ignore[assignment]
         else:
             if not isinstance(load, BodyForce | Pressure):
-                others.append(getattr(load, "name", type(load).__name__))
+                found.others.append(getattr(load, "name", type(load).__name__))
             continue
         part = part_of(f"load {what!r}", where, outline)
         seeds += _of_part(part, what, near)
@@ -288,7 +279,7 @@ def seeds_of_conditions(
             for ends in part.runs(near, NEAR):
                 jumps = _jumps(what, load.value, *ends)
                 seeds += [Seed(x, f"jump of {what}") for x in jumps]
-    return ConditionSeeds(held, names, seeds, notes, others)
+    return found
 
 
 def _of_part(part: Part, label: str, near: float) -> list[Seed]:
@@ -308,10 +299,10 @@ def _of_motion(
     rigid = (condition.direction is None and not in_part) or condition.together
     rigid = rigid and not callable(value)
     if not rigid:
-        corners = [x for _, x in part.runs(near, CORNER)]
-        starts = np.array([x for x, _ in part.runs(near, CORNER)]).reshape(-1, 2).T
-        inner = [x for x in corners if _coincident(x[:, None], starts, near).any()]
-        seeds += [Seed(x, f"corner of {label}") for x in inner]
+        runs = np.reshape(part.runs(near, CORNER), (-1, 2, 2))
+        starts, ends = runs.transpose(1, 2, 0)
+        inner = ends[:, _coincident(ends, starts, near)]
+        seeds += [Seed(x, f"corner of {label}") for x in inner.T]
     if callable(value):
         for start, end in part.runs(near, NEAR):
             kinks = _kinks(name, condition, start, end)
@@ -325,7 +316,7 @@ def _kinks(
     """Points between two ends at which the slope of a prescribed motion jumps."""
 
     def motion(s: ndarray) -> ndarray:
-        x = start[:, None] + s * (end - start)[:, None]
+        x = _between(start, end, s)
         try:
             return condition.values(name, x, 1.0, 2)
         except ValueError:
@@ -375,7 +366,7 @@ def _jumps(what: str, value: Any, start: ndarray, end: ndarray) -> list[ndarray]
     """Points between two ends at which a function of position jumps."""
 
     def steps(s: ndarray) -> ndarray:
-        x = start[:, None] + s * (end - start)[:, None]
+        x = _between(start, end, s)
         f = call_user_function(f"the value of {what}", value, x)
         f = np.stack(np.broadcast_arrays(*f, x[0])[:2])
         return np.asarray(np.linalg.norm(np.diff(f, axis=1), axis=0))

@@ -7,8 +7,6 @@ small angles between lines, segments are divided on circles around the common co
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -195,23 +193,17 @@ def refuse_narrow_gaps(shape: shapely.Polygon, size: float) -> None:
             )
 
 
-@dataclass(eq=False)
 class _Chain:
-    """Line between two nodes, shape (n, 2), its ends, and the number of its line."""
+    """Line between two nodes, shape (n, 2), its ends, and the number of its line.
 
-    x: ndarray
-    ends: tuple[int, int]
-    line: int
+    ``s`` are distances of the points from the first one along the line.
+    """
 
-    @cached_property
-    def s(self) -> ndarray:
-        """Distances of the points from the first one along the line."""
-        steps = np.linalg.norm(np.diff(self.x, axis=0), axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
-
-    @property
-    def length(self) -> float:
-        return float(self.s[-1])
+    def __init__(self, x: ndarray, ends: tuple[int, int], line: int) -> None:
+        self.x, self.ends, self.line = x, ends, line
+        steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
+        self.s = np.concatenate([[0.0], np.cumsum(steps)])
+        self.length = float(self.s[-1])
 
     def at(self, s: ndarray) -> ndarray:
         """Points at distances along the line, shape (n, 2)."""
@@ -312,9 +304,9 @@ def _joined(
 ) -> tuple[ndarray, list[_Chain]]:
     """Chains of sides between nodes where lines meet or have a corner."""
     around: list[list[int]] = [[] for _ in x]
-    for i, (a, b) in enumerate(ends.T.tolist()):
-        around[a].append(i)
-        around[b].append(i)
+    for i, pair in enumerate(ends.T.tolist()):
+        for k in pair:
+            around[k].append(i)
     node, rank = kept.copy(), np.where(kept, 2, 0)
     for k, sides in enumerate(around):
         outline = [i for i in sides if line[i] < 0]
@@ -383,13 +375,16 @@ def _collapsed(
     return chains if pairs.size else left
 
 
-@dataclass(eq=False)
-class _Segments:
-    """Segments between nodes, shape (n, 2), with the chain and line of each."""
+class _Segments(NamedTuple):
+    """Segments between nodes, shape (n, 2), and the chain of each.
+
+    The line and the ends of each chain, and True for ends at which chains meet at a
+    small angle; the ends are the first nodes.
+    """
 
     ends: ndarray
     chain: ndarray
-    line: ndarray
+    line_of_chain: ndarray
     ends_of_chain: ndarray
     acute: ndarray
 
@@ -432,8 +427,8 @@ def _divided(
             where = coords(chains[crossing[0]].x[0])
             raise ValueError(f"lines are too close to each other near {where}")
         spacing[crossing] /= 2
-    line = np.array([chain.line for chain in chains])[c]
-    return p, _Segments(s, c, line, ends_of_chain, acute)
+    lines = np.array([chain.line for chain in chains])
+    return p, _Segments(s, c, lines, ends_of_chain, acute)
 
 
 def _acute_corners(
@@ -470,16 +465,12 @@ def _along(
         at = np.concatenate(parts)[1:]
     else:
         fewest = max(fewest, 3 * (chain.ends[0] == chain.ends[1]))
-        inner, low, high = [], 0.0, s[-1]
         first = spacing * 2.0 ** -np.ceil(max(0, np.log2(2.5 * spacing / s[-1])))
-        if acute[0] and s[-1] > 1.2 * spacing:
-            low = first
-            inner.append(low)
-        if acute[1] and s[-1] > 1.2 * spacing:
-            high -= first
-            inner.append(high)
-        few = max(int(np.ceil((high - low) / spacing - 0.2)), fewest - len(inner), 1)
-        at = np.union1d(inner, np.linspace(low, high, few + 1)[1:-1])
+        on_circle = acute & (s[-1] > 1.2 * spacing)
+        ends = np.where(on_circle, (first, s[-1] - first), (0.0, s[-1]))
+        fewest -= on_circle.sum()
+        few = max(int(np.ceil(np.diff(ends)[0] / spacing - 0.2)), fewest, 1)
+        at = np.union1d(ends[on_circle], np.linspace(ends[0], ends[1], few + 1)[1:-1])
     return chain.at(at)
 
 
@@ -493,19 +484,21 @@ class _Refinement:
     def __init__(self, p: ndarray, segments: _Segments, size: float) -> None:
         self._p, self._size, self._of = p, size, segments
         self._s, self._chain_of_s = segments.ends, segments.chain
-        self._line = segments.line
         self._acute = np.zeros(len(p), dtype=bool)
         self._acute[: len(segments.acute)] = segments.acute
         self._chain = np.full(len(p), -1)
-        n = len(segments.acute)
-        for k in range(2):
-            own = self._s[:, k] >= n
-            self._chain[self._s[own, k]] = self._chain_of_s[own]
+        self._chain[self._s] = self._chain_of_s[:, None]
+        self._chain[: len(segments.acute)] = -1
         outline = shapely.linestrings(p[self._s[self._line < 0]])
         self._shape = shapely.build_area(shapely.union_all(outline))
         if self._shape.is_empty:
             raise ValueError("the lines of the outline do not close")
         shapely.prepare(self._shape)
+
+    @property
+    def _line(self) -> ndarray:
+        """Line of each segment, −1 on the outline."""
+        return self._of.line_of_chain[self._chain_of_s]
 
     def run(self, inner: ndarray, moves: bool) -> Triangulation:
         """Add inner nodes, which may move, shape (n, 2), smooth and refine."""
@@ -570,7 +563,6 @@ class _Refinement:
         links.data[:] = 1.0
         count = np.asarray(links.sum(axis=1))
         free = (self._chain == -2) & (count[:, 0] > 0)
-        self._p = self._p.copy()
         self._p[free] = (links @ self._p / np.maximum(count, 1))[free]
         self._drop_close(0.5 * _CLEARANCE)
 
@@ -598,31 +590,25 @@ class _Refinement:
         ]
         missing[at[hit]] = True
         length = np.linalg.norm(np.diff(self._p[self._s], axis=1)[:, 0], axis=1)
-        missing &= length > _FINEST * self._size
-        return self._halve(np.flatnonzero(missing))
+        return self._halve(missing & (length > _FINEST * self._size))
 
     def _halve(self, which: ndarray) -> bool:
         """Halve segments; near an acute corner on circles around it."""
-        if not which.size:
-            return False
         ends = self._s[which]
         a, b = self._p[ends].transpose(1, 0, 2)
         length = np.linalg.norm(b - a, axis=1)
-        share = np.full(len(which), 0.5)
-        one = self._acute[ends]
         circle = self._size * 2.0 ** np.round(np.log2(length / 2 / self._size))
-        share = np.where(one[:, 0] & ~one[:, 1], circle / length, share)
-        share = np.where(one[:, 1] & ~one[:, 0], 1 - circle / length, share)
+        first, last = self._acute[ends].T
+        share = np.where(first & ~last, circle / length, 0.5)
+        share = np.where(last & ~first, 1 - circle / length, share)
         q = a + share[:, None] * (b - a)
         k = len(self._p) + np.arange(len(q))
         self._add(q, self._chain_of_s[which])
         halves = np.stack([k, ends[:, 1]], axis=1)
-        self._s = self._s.copy()
-        self._s[which, 1] = k
         self._s = np.concatenate([self._s, halves])
+        self._s[: len(which)][which, 1] = k
         self._chain_of_s = np.append(self._chain_of_s, self._chain_of_s[which])
-        self._line = np.append(self._line, self._line[which])
-        return True
+        return bool(which.any())
 
     def _add_circumcentres(self, t: ndarray) -> bool:
         """Add circumcentres of poor triangles, or halve the segments they are near."""
@@ -645,8 +631,7 @@ class _Refinement:
         q = a[poor] + np.stack([w[:, 1], -w[:, 0]], axis=1) / (2 * twice)
         order = np.argsort(-radius, kind="stable")
         q, radius = q[order], radius[order]
-        accepted = _apart(q, radius)
-        q = q[accepted]
+        q = q[_apart(q, radius)]
         middle = self._p[self._s].mean(axis=1)
         half = np.linalg.norm(np.diff(self._p[self._s], axis=1)[:, 0], axis=1) / 2
         near = KDTree(q).query_ball_point(middle, half * (1 - 1e-9))
@@ -654,23 +639,17 @@ class _Refinement:
         q = np.delete(q, np.unique(np.concatenate(near).astype(int)), axis=0)
         q = q[shapely.contains_xy(self._shape, *q.T)]
         self._add(q, -2)
-        return self._halve(np.flatnonzero(halved)) or len(q) > 0
+        return self._halve(halved) or len(q) > 0
 
     def _between_circles(self, t: ndarray, side: ndarray) -> ndarray:
         """True for triangles whose shortest edge is between lines at a small angle."""
-        k = side.argmin(axis=1)
-        row = np.arange(len(t))
-        u, v = t[row, k], t[row, (k + 1) % 3]
+        k = side.argmin(axis=1)[:, None]
+        edge = np.take_along_axis(t, np.hstack([k, (k + 1) % 3]), axis=1)
         result = np.zeros(len(t), dtype=bool)
-        ends = self._of.ends_of_chain
-        for i in np.flatnonzero(
-            (self._chain[u] >= 0)
-            & (self._chain[v] >= 0)
-            & (self._chain[u] != self._chain[v])
-        ):
-            common = np.intersect1d(ends[self._chain[u[i]]], ends[self._chain[v[i]]])
-            for corner in common:
-                r = [np.linalg.norm(self._p[k] - self._p[corner]) for k in (u[i], v[i])]
+        chain, ends = self._chain[edge], self._of.ends_of_chain
+        for i in np.flatnonzero((chain >= 0).all(axis=1) & (np.ptp(chain, axis=1) > 0)):
+            for corner in np.intersect1d(*ends[chain[i]]):
+                r = np.linalg.norm(self._p[edge[i]] - self._p[corner], axis=1)
                 # Chords of curved lines are at nearly equal distances.
                 result[i] |= abs(r[0] - r[1]) < 0.05 * max(r)
         return result

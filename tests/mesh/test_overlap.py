@@ -5,11 +5,16 @@ import pytest
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import MeshError
+from skfem_textile.mesh import overlap
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers.hostile.sheets import fans, joined, opened, sheet, shifted
 
 SHEET = sheet()
+
+
+def clockwise(base):
+    return base._replace(t=base.t[::-1])
 
 
 def nested_rings():
@@ -49,8 +54,15 @@ def test_cuts_and_separate_pieces_are_accepted(mesh):
         (opened(SHEET, 0, 1), r"coincide with others: 2, 7, 25, 26"),
         (opened(SHEET, 0, 4), r"coincide with others: 2, 7, 12"),
         (joined(SHEET, shifted(SHEET, 4, 4)), r"coincide with others: 24, 25"),
+        (joined(SHEET, clockwise(shifted(SHEET, 1.3, 1.3, 0.1))), "inside another: 28"),
     ],
 )
 def test_elements_and_nodes_in_contact_are_named(mesh, named):
     with pytest.raises(MeshError, match=named):
         check_mesh(MeshQuad(*mesh))
+
+
+def test_only_close_edges_are_compared(monkeypatch):
+    """Each of 256 edges with itself and the next ones."""
+    monkeypatch.setattr(overlap, "_MOST_PAIRS", 1000)
+    check_mesh(MeshQuad().refined(6))

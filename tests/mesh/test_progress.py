@@ -124,22 +124,24 @@ def test_other_output_follows_an_erased_line(terminal, monkeypatch):
     assert terminal.getvalue() == "\r     \r"
 
 
-def test_no_thread_is_started_where_nothing_can_be_shown(terminal, monkeypatch):
-    def threads_added():
-        before = active_count()
-        with shown("solving"):
-            return active_count() - before
-
-    assert threads_added() == 1
-    monkeypatch.setenv(SWITCH, "0")
-    assert threads_added() == 0
-    monkeypatch.delenv(SWITCH)
-    standard_error(monkeypatch, io.StringIO())
-    assert threads_added() == 0
-    monkeypatch.setenv(SWITCH, "1")
-    assert threads_added() == 1
-    standard_error(monkeypatch, None)
-    assert threads_added() == 0
+@pytest.mark.parametrize(
+    ("stream", "switch", "added"),
+    [
+        (Terminal(), "", 1),
+        (Terminal(), "0", 0),
+        (io.StringIO(), "", 0),
+        (io.StringIO(), "1", 1),
+        (None, "1", 0),
+    ],
+)
+def test_a_thread_is_started_only_where_something_can_be_shown(
+    terminal, monkeypatch, stream, switch, added
+):
+    monkeypatch.setenv(SWITCH, switch)
+    standard_error(monkeypatch, stream)
+    before = active_count()
+    with shown("solving"):
+        assert active_count() - before == added
 
 
 def test_worker_threads_show_nothing(terminal):

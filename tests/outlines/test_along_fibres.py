@@ -1,7 +1,5 @@
 """Meshes along the fibres: positions of edges, and motions they can represent."""
 
-import json
-
 import numpy as np
 import pytest
 from hypothesis import Phase, example, given, settings
@@ -20,13 +18,13 @@ from skfem_textile import (
     Quadratic,
     mesh_along_fibres,
 )
-from skfem_textile.cli import main as cli
 from skfem_textile.mesh.bases import node_dofs
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes import bias_extension, strip, trellis
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers.intervals import without_interval
+from tests.outlines.test_net import area
 
 SQUARE = np.array([[0.0, 30.0, 30.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
 # Rounded, so that two sides are exactly along x.
@@ -43,35 +41,23 @@ def unit(degrees):
     return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
 
 
-def fibre_coordinates(mesh, warp, weft):
-    """Coordinates of the nodes along the fibres, shape (2, n_nodes)."""
-    return np.linalg.solve(np.column_stack([unit(warp), unit(weft)]), mesh.p)
+def fibre_coordinates(p, warp, weft):
+    """Coordinates of points along the fibres, shape (2, n)."""
+    return np.linalg.solve(np.column_stack([unit(warp), unit(weft)]), p)
 
 
 def edge_lines(mesh, warp, weft):
-    """Coordinates of the lines of edges along weft and along warp.
+    """Coordinates of the lines of edges along weft and along warp, and of all nodes.
 
-    Also the least and the largest coordinates of all nodes.
+    Of nodes the least and the largest ones; none twice up to round-off.
     """
-    s = fibre_coordinates(mesh, warp, weft)
-    ends = s[:, mesh.facets]
-    on_line = np.abs(ends[:, 1] - ends[:, 0]) < 1e-9
-    return [
-        distinct(np.sort(np.append(x[0, is_there], [at.min(), at.max()])))
-        for x, is_there, at in zip(ends, on_line, s, strict=True)
-    ]
-
-
-def distinct(numbers):
-    """Sorted numbers without duplicates up to round-off."""
-    return numbers[np.diff(numbers, prepend=-np.inf) > 1e-9]
-
-
-def area(corners):
-    """Of polygons whose corners are given, shape (2, n_corners, n)."""
-    x, y = corners
-    double = x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)
-    return np.abs(double.sum(axis=0)).sum() / 2
+    lines = []
+    for s in fibre_coordinates(mesh.p, warp, weft):
+        ends = s[mesh.facets]
+        along = ends[0, np.abs(ends[1] - ends[0]) < 1e-9]
+        at = np.sort([*along, s.min(), s.max()])
+        lines.append(at[np.diff(at, prepend=-np.inf) > 1e-9])
+    return lines
 
 
 def extension(degrees, n, **options):
@@ -98,7 +84,7 @@ def largest_strain(ply, x):
 
 def edges_along(mesh, warp, weft):
     """Number of edges of each triangle along warp and weft, shape (2, n)."""
-    s = fibre_coordinates(mesh, warp, weft)[:, mesh.t]
+    s = fibre_coordinates(mesh.p, warp, weft)[:, mesh.t]
     return (np.abs(np.roll(s, -1, axis=1) - s) < 1e-9).sum(axis=1)
 
 
@@ -117,15 +103,7 @@ def test_every_triangle_has_an_edge_along_warp_and_one_along_weft(degrees, caplo
     warp=st.integers(0, 180),
     crossing=st.integers(5, 175),
     rings=st.sampled_from(
-        [
-            [SQUARE],
-            [HEXAGON],
-            [HEXAGON[:, [0, 1, 3]]],
-            [SQUARE[:, ::-1]],
-            [NOTCHED],
-            [SQUARE, HOLE],
-            [NOTCHED, HOLE],
-        ]
+        [[SQUARE[:, ::-1]], [HEXAGON], [HEXAGON[:, [0, 1, 3]]], [NOTCHED, HOLE]]
     ),
     spacing=st.floats(3, 12),
     seed=st.integers(0, 1000),
@@ -138,36 +116,21 @@ def test_motions_bent_at_lines_stretch_no_fibre(warp, crossing, rings, spacing, 
     outline = Outline(rings[0], rings[1:])
     mesh = mesh_along_fibres(outline, unit(warp), unit(weft), spacing)
     check_mesh(mesh)
-    assert area(mesh.p[:, mesh.t]) == pytest.approx(outline.shape().area, rel=1e-12)
+    assert area(mesh) == pytest.approx(outline.shape().area, rel=1e-12)
     assert np.abs(mesh.p.min(axis=1) - rings[0].min(axis=1)).max() == 0
     assert ("hole" in mesh.boundaries) == (len(rings) > 1)
 
     formulation = FORMULATIONS[seed % len(FORMULATIONS)]
     fabric = Fabric(1e4, 0.0, unit(warp), unit(weft))
     ply = Ply(mesh, fabric, formulation)
-    s = np.linalg.solve(np.column_stack([unit(warp), unit(weft)]), ply.nodes)
-    x = 0.0
-    for at, line, angle in zip(
-        s, edge_lines(mesh, warp, weft), (warp, weft), strict=True
-    ):
+    s = fibre_coordinates(ply.nodes, warp, weft)
+    lines, x = edge_lines(mesh, warp, weft), 0.0
+    for at, line, angle in zip(s, lines, (warp, weft), strict=True):
         bends = np.radians(angle) + rng.uniform(-0.03, 0.03, line.size - 1)
         steps = np.diff(line) * np.array([np.cos(bends), np.sin(bends)])
         path = np.hstack([np.zeros((2, 1)), np.cumsum(steps, axis=1)])
         x = x + np.array([np.interp(at, line, component) for component in path])
     assert largest_strain(ply, x) < 1e-8
-
-
-@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
-@pytest.mark.parametrize(
-    ("degrees", "part"),
-    [(30.0, "whole"), (45.0, "half"), (52.5, "whole"), (60.0, "half")],
-)
-def test_the_exact_bias_extension_is_free_of_strain(degrees, formulation, part):
-    scene = extension(degrees, 4, part=part)
-    fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
-    ply = Ply(scene.mesh, fabric, formulation)
-    exact = ply.nodes + scene.displacement(ply.nodes, 1.0)
-    assert largest_strain(ply, exact) < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -198,9 +161,6 @@ def test_lines_that_do_not_meet_at_the_sides_are_logged(caplog):
     caplog.set_level("INFO", "skfem_textile")
     mesh_along_fibres(SQUARE * [[1.0], [1.37]], (1, 1), (-1, 1), 5.0)
     assert "lines of warp and weft do not meet at the sides" in caplog.text
-    caplog.clear()
-    mesh_along_fibres(SQUARE * [[1.0], [1.5]], (1, 1), (-1, 1), 5.0)
-    assert caplog.text == ""
 
 
 @pytest.mark.parametrize("fibres", [(0, 60), (20, 160), (45, 135), (90, 150)])
@@ -237,7 +197,7 @@ def test_sides_along_the_fibres_give_quadrilaterals_around_a_hole():
     mesh = mesh_along_fibres(outline, unit(30), unit(120), 3.0)
     assert isinstance(mesh, MeshQuad)
     check_mesh(mesh)
-    assert area(mesh.p[:, mesh.t]) == pytest.approx(outline.shape().area, rel=1e-12)
+    assert area(mesh) == pytest.approx(outline.shape().area, rel=1e-12)
     np.testing.assert_allclose(
         mesh.p[:, mesh.named_nodes["pin"]].T, [turn @ [21, 4]], rtol=0, atol=1e-12
     )
@@ -272,13 +232,3 @@ def test_a_bent_trellis_converges_along_inclined_fibres():
         summary = solve(scene, Quadratic(), 1e4, 0.0)
         errors.append(summary["displacement_error_rms"])
     assert errors[0] > 6 * errors[1] > 36 * errors[2]
-
-
-def test_the_command_line_generates_meshes_along_the_fibres(tmp_path):
-    command = ["run", "bias_extension", "--mesh", "aligned", "--size", "3x6"]
-    command += ["--fibres", "52.5", "--fibre-stiffness", "5e9"]
-    command += ["--formulation", "quadratic", "--steps", "2", "--no-render"]
-    assert cli.main([*command, "--out", str(tmp_path)]) == 0
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["displacement_error_max"] < 1e-6
-    assert summary["load_over_exact"] == pytest.approx(1.0, abs=2e-6)

@@ -44,22 +44,18 @@ def circle(n, radius=20.0, centre=(50.0, 50.0), start=0.0):
 
 
 def ends(fibres):
-    """Families and ends of straight fibres, sorted."""
-    listed = []
-    for f in fibres:
-        a, b = sorted((tuple(f.points[:, 0]), tuple(f.points[:, -1])))
-        listed.append((f.family, *a, *b))
-    return np.array(sorted(listed)).reshape(-1, 5)
+    """Families and ends of fibres."""
+    listed = [(f.family, *f.points[:, 0], *f.points[:, -1]) for f in fibres]
+    return np.array(listed).reshape(-1, 5)
 
 
 def same(fibres, expected, size):
     """Compare with (family, x, y, x, y) in any order to 1e-9 of the size."""
     known, expected = ends(fibres), np.array(expected, dtype=float).reshape(-1, 5)
     assert len(known) == len(expected)
-    gaps = np.abs(known[:, None] - expected).max(axis=2)
-    gaps = np.minimum(
-        gaps, np.abs(known[:, None] - expected[:, [0, 3, 4, 1, 2]]).max(2)
-    )
+    turned = expected[:, [0, 3, 4, 1, 2]]
+    gaps = [np.abs(known[:, None] - other).max(axis=2) for other in (expected, turned)]
+    gaps = np.minimum(*gaps)
     assert gaps.min(axis=0).max() < 1e-9 * size
     assert gaps.min(axis=1).max() < 1e-9 * size
 
@@ -67,22 +63,9 @@ def same(fibres, expected, size):
 def straight(family, x, y, degrees, width, height):
     """Fibre in a rectangle through a point of its boundary, by slopes."""
     slope = np.tan(np.radians(degrees))
-    points = {}
-    for u in (0.0, width):
-        points[u, y + slope * (u - x)] = None
-    for v in (0.0, height):
-        points[x + (v - y) / slope, v] = None
-    near = 1e-9 * height
-    inside = [
-        p
-        for p in points
-        if -near < p[0] < width + near and -near < p[1] < height + near
-    ]
-    one, other = max(
-        ((p, q) for p in inside for q in inside),
-        key=lambda pair: np.hypot(*np.subtract(*pair)),
-    )
-    return (family, *one, *other)
+    at_sides = x + (np.array([0.0, height]) - y) / slope
+    u = np.sort(np.clip([0.0, width], *np.sort(at_sides)))
+    return (family, u[0], y + slope * (u[0] - x), u[1], y + slope * (u[1] - x))
 
 
 # Bias extension
@@ -174,13 +157,8 @@ def test_re_entrant_corner():
     fabric = Fabric(1e9, 0.5, unit(30), unit(120))
     lines = singular_fibres(outline, fabric)
     t = np.tan(np.radians(30))
-    expected = [
-        (0, 0, 50 - 40 * t, 40, 50),  # the warp upwards would leave the ply
-        (1, 0, 50 + 40 / t, 40, 50),
-        (1, 40, 50, 40 + 50 * t, 0),
-    ]
-    joined = [expected[0], (1, 0, 50 + 40 / t, 40 + 50 * t, 0)]
-    same(lines.fibres, joined, 120)
+    warp = 0, 0, 50 - 40 * t, 40, 50  # upwards it would leave the ply
+    same(lines.fibres, [warp, (1, 0, 50 + 40 / t, 40 + 50 * t, 0)], 120)
     assert {f.origin for f in lines.fibres} == {"re-entrant corner (40, 50)"}
     # the weft passes the corner, which is one of its points
     weft = next(f for f in lines.fibres if f.family == 1)
@@ -196,14 +174,11 @@ def test_round_hole(n, degrees):
     lines = singular_fibres(rectangle(W, W, [hole]), bias(degrees))
     assert sorted(f.family for f in lines.fibres) == [0, 0, 1, 1]
     for fibre in lines.fibres:
-        along = unit(degrees if fibre.family == 0 else -degrees)
-        normal = np.array([-along[1], along[0]])
-        offset = normal @ (fibre.points - 50.0)
+        normal = unit((degrees if fibre.family == 0 else -degrees) + 90)
+        offset, heights = normal @ (fibre.points - 50.0), normal @ (hole - 50.0)
         assert np.ptp(offset) < 1e-9 * W
-        heights = normal @ (hole - 50.0)
-        assert (
-            min(abs(offset[0] - heights.max()), abs(offset[0] - heights.min())) < 1e-9
-        )
+        farthest = np.array([heights.min(), heights.max()])
+        assert np.abs(offset[0] - farthest).min() < 1e-9
         error = R * (1 - np.cos(np.pi / n))
         assert R - error - 1e-9 <= abs(offset[0]) <= R + 1e-9
         on_hole = np.hypot(*(fibre.points[:, 1:2] - hole)).min()
@@ -246,11 +221,6 @@ def test_a_clamped_hole_reflects():
 # Conditions and loads
 
 
-def through(x, y, outline=None, **kwargs):
-    """Fibres of a free ply with one condition or load, all through one point."""
-    return singular_fibres(outline or rectangle(W, W), bias(30), **kwargs)
-
-
 def assert_through(lines, points):
     """Each fibre passes one of the points, and each point is passed by two."""
     for x in points:
@@ -265,7 +235,6 @@ def assert_through(lines, points):
 def test_points_seed_both_families():
     outline = rectangle(W, W, points={"stitch": (40, 60), "side": (0, 30)})
     lines = singular_fibres(outline, bias(30))
-    assert_through(lines, [(40, 60), (0, 30)])
     expected = [
         straight(0, 40, 60, 30, W, W),
         straight(1, 40, 60, -30, W, W),
@@ -275,9 +244,12 @@ def test_points_seed_both_families():
     same(lines.fibres, expected, W)
 
 
+#: A square, the part of whose lower edge from 30 to 70 has the name c.
+PART = Outline([[0, 30, 70, 100, 100, 0], [0, 0, 0, 0, 100, 100]], (), {"c": [1]})
+
+
 def test_a_part_of_an_edge_by_its_corners_and_by_position():
-    named = Outline([[0, 30, 70, 100, 100, 0], [0, 0, 0, 0, 100, 100]], (), {"c": [1]})
-    by_name = singular_fibres(named, bias(30), {"a": Condition("c")})
+    by_name = singular_fibres(PART, bias(30), {"a": Condition("c")})
     assert_through(by_name, [(30, 0), (70, 0)])
     held = {"a": Condition(lambda x: (x[1] < 1e-6) & (x[0] >= 30) & (x[0] <= 70))}
     by_position = singular_fibres(rectangle(W, W), bias(30), held)
@@ -319,18 +291,18 @@ def test_kinks_of_a_prescribed_motion():
     assert not [f for f in lines.fibres if "kink" in f.origin]
 
 
-def test_loads():
-    part = Outline([[0, 30, 70, 100, 100, 0], [0, 0, 0, 0, 100, 100]], (), {"c": [1]})
-    lines = singular_fibres(part, bias(30), loads=[Traction("c", (0, 1))])
-    assert_through(lines, [(30, 0), (70, 0)])
-    assert lines.fibres[0].origin == "end of traction on c"
-    lines = singular_fibres(part, bias(30), loads=[Force("c", (0, 1))])
-    assert_through(lines, [(30, 0), (70, 0)])
-    at_point = rectangle(W, W, points={"hook": (50, 0)})
-    lines = singular_fibres(at_point, bias(30), loads=[Force("hook", (0, 1))])
-    assert_through(lines, [(50, 0)])
-    lines = singular_fibres(part, bias(30), loads=[BodyForce((0, 1))])
-    assert lines.fibres == []
+@pytest.mark.parametrize(
+    ("load", "origins"),
+    [
+        (Traction("c", (0, 1)), ["end of traction on c"]),
+        (Force("c", (0, 1)), ["end of force"]),
+        (BodyForce((0, 1)), []),
+    ],
+)
+def test_loads(load, origins):
+    lines = singular_fibres(PART, bias(30), loads=[load])
+    assert_through(lines, [(30, 0), (70, 0)][: 2 * len(origins)])
+    assert list(dict.fromkeys(f.origin for f in lines.fibres)) == origins
 
 
 def test_a_jump_of_a_traction_starts_fibres_and_a_slope_does_not():
@@ -397,17 +369,16 @@ def test_two_fabrics_refract_and_reflect():
         (0, left, 60, 0, down),
         # both families above it, from both points
         (0, right, 60, W, 60 + W - right),
-        (1, right, 60, right - W + 60 - 60 + (W - right), 60 + right),
+        (1, right, 60, 0, 60 + right),
         (0, left, 60, W, 60 + W - left),
         (1, left, 60, 0, 60 + left),
     ]
-    expected[5] = (1, right, 60, 0, 60 + right)
     ended = [f for f in lines.fibres if "end of a border" not in f.origin]
     same([f for f in ended if f.origin.startswith("point p")], expected, 160)
     same([f for f in lines.fibres if f not in ended], [
         (0, 0, 60, W, 160),
         (1, W, 60, 0, 160),
-        (*straight(1, 0, 60, -60, W, 160)[:1], 0, 60, shift, 0),
+        (1, 0, 60, shift, 0),
         (0, W, 60, W - shift, 0),
     ], 160)  # fmt: skip
     (border,) = lines.borders
@@ -514,24 +485,18 @@ def test_closed_fibres_around_a_hole():
 # Limits of reflections
 
 
+HELD_ALONG_ALL_SIDES = {x: Condition(x) for x in ("left", "right", "bottom", "top")}
+STRIP = rectangle(W, 141.3, points={"p": (30, 40)})
+
+
 def test_reflections_end_at_the_width_of_the_layer():
     """In a strip whose sides are held they go on and on."""
-    held = {name: Condition(name) for name in ("left", "right", "bottom", "top")}
-    outline = rectangle(W, 141.3, points={"p": (30, 40)})
+    held, outline = HELD_ALONG_ALL_SIDES, STRIP
     few = singular_fibres(outline, bias(41), held, finest=10)
     many = singular_fibres(outline, bias(41), held, finest=2)
     assert len(few.fibres) < len(many.fibres)
     assert few.dropped > 0
     assert f"{few.dropped} reflections dropped, closer than 10 mm" in few.summary()
-    reflected = {
-        family: sorted(
-            float(unit(41 if family else -41)[::-1] @ f.points[:, 0] * 1)
-            for f in few.fibres
-            if f.family == family
-        )
-        for family in (0, 1)
-    }
-    assert reflected[0]
     # the layer of a stiff fabric is thinner than the layer of a soft one
     soft = Fabric(1e3, 10.0, unit(41), unit(-41))
     layer = singular_fibres(outline, soft, held)
@@ -540,10 +505,8 @@ def test_reflections_end_at_the_width_of_the_layer():
 
 
 def test_fibres_of_a_family_are_apart():
-    held = {name: Condition(name) for name in ("left", "right", "bottom", "top")}
-    outline = rectangle(W, 141.3, points={"p": (30, 40)})
     for finest in (3.0, 0.7):
-        lines = singular_fibres(outline, bias(41), held, finest=finest)
+        lines = singular_fibres(STRIP, bias(41), HELD_ALONG_ALL_SIDES, finest=finest)
         for family, degrees in enumerate((41, -41)):
             c, s = unit(degrees)
             offsets = np.sort(
@@ -620,25 +583,3 @@ def test_fibres_of_random_outlines_run_from_edge_to_edge(seed):
         middle = (fibre.points[:, 1:] + fibre.points[:, :-1]) / 2
         assert shapely.distance(shape, shapely.points(middle.T)).max() < 1e-4 * size
     assert shapely.LineString(np.reshape(lines.held[0], (2, 2)).T).length > 0
-
-
-def test_a_short_clamp_at_a_corner_is_held_over_its_length():
-    outline = rectangle(400, 100)
-    clamp = Condition(lambda x: (x[1] > 100 - 1e-6) & (x[0] <= 6 + 1e-9), (0, 1.0))
-    conditions = {"bottom": Condition("bottom"), "clamp": clamp}
-    for size in (None, 20.0):
-        mesh = mesh_outline(outline, bias(45), conditions, size=size)
-        held = mesh.p[:, clamp.where(mesh.p)]
-        assert np.ptp(held[0]) == pytest.approx(6, abs=1e-9)
-
-
-def test_ends_of_held_parts_of_irregular_meshes_are_nodes():
-    fabric = Fabric(1e3, 5, warp=(1, 0), weft=(0, 1))
-    clamp = Condition(
-        lambda x: (x[1] > 100 - 1e-6) & (x[0] >= 50 - 1e-9) & (x[0] <= 51.2 + 1e-9),
-        (0, 0.5),
-    )
-    conditions = {"bottom": Condition("bottom"), "clamp": clamp}
-    mesh = mesh_outline(rectangle(100, 100), fabric, conditions, size=6.25)
-    held = mesh.p[0, clamp.where(mesh.p)]
-    assert [held.min(), held.max()] == pytest.approx([50, 51.2], abs=1e-9)

@@ -17,16 +17,10 @@ from skfem_textile import (
 )
 from skfem_textile.outlines import fibres as module
 from skfem_textile.outlines.triangles import triangles
+from tests.helpers import refused
 from tests.outlines.test_cases import SVG, case, coupon  # noqa: F401
-from tests.outlines.test_fibres import W, bias, rectangle
+from tests.outlines.test_fibres import HELD_ALONG_ALL_SIDES, STRIP, W, bias, rectangle
 from tests.outlines.test_outline import SQUARE, at
-
-
-def refused(call, message):
-    with pytest.raises(ValueError, match=message) as error:
-        call()
-    assert "\n" not in str(error.value)
-
 
 OUTLINES = {
     "crosses": ({"polygon": [[0, 1, 1, 0], [0, 1, 0, 1]]}, r"itself at \(0.5, 0.5\)"),
@@ -41,8 +35,6 @@ OUTLINES = {
     "shape": ({"polygon": [[0, 1], [0, 0]]}, r"n >= 3, not \(2, 2\)"),
     "text": ({"polygon": [["a"], ["b"]]}, "must be real-valued"),
     "hole outside": ({"holes": [at(200, 0)]}, r"outside .* near \(200, 10\)"),
-    "hole around": ({"holes": [at(-10, -10, 200)]}, "hole lies outside"),
-    "hole across": ({"holes": [at(95, 50)]}, "hole touches or crosses the outer"),
     "hole at a corner": (
         {"holes": [[[100, 80, 90], [50, 45, 60]]]},
         r"hole touches or crosses the outer polygon at \(100, 50\)",
@@ -137,10 +129,6 @@ FIBRES = {
         {"fabric": Fabric(1e9, 0.5, undefined, (0, 1))},
         r"warp must be a non-zero finite .*; it is not at \(\S+, 5[01]",
     ),
-    "vanishes": (
-        {"fabric": Fabric(1e9, 0.5, lambda x: 0 * x, (0, 1))},
-        "warp must be a non-zero finite .*; it is not at",
-    ),
     "field raises": (
         {"fabric": Fabric(1e9, 0.5, lambda x: x[7], (0, 1))},
         "warp raised IndexError",
@@ -162,10 +150,8 @@ def test_input_without_singular_fibres_is_refused(name):
 
 def test_too_many_fibres_are_refused(monkeypatch):
     monkeypatch.setattr(module, "MOST_LINES", 50)
-    held = {name: Condition(name) for name in ("left", "right", "bottom", "top")}
-    outline = rectangle(W, 141.3, points={"p": (30, 40)})
     refused(
-        lambda: singular_fibres(outline, bias(41), held, finest=1e-3),
+        lambda: singular_fibres(STRIP, bias(41), HELD_ALONG_ALL_SIDES, finest=1e-3),
         r"more than 50 singular .* from \(\d",
     )
 
@@ -186,11 +172,6 @@ def meshed(outline=None, fabric=None, held=(), **options):
 PINS = {"A": (25.0, 50.0), "B": (25.3, 50.0)}
 SMALL = "the spacing is too small: the mesh would have about"
 MESHES = [
-    (along(SQUARE[:, [0, 2, 1, 3]]), "the outline crosses or touches itself"),
-    (along(SQUARE[:, [0, 0, 1, 2]]), "coincident corners"),
-    (along([[0, 1, 2], [0, 1, 2]]), "no area"),
-    (along(SQUARE[:, :2]), r"shape \(2, n\), n >= 3, not \(2, 2\)"),
-    (along(SQUARE * np.nan), "not finite"),
     (
         along(Outline(SQUARE, regions={"patch": at(20, 20)})),
         "have no regions: use mesh_outline",
@@ -216,10 +197,7 @@ MESHES = [
         ),
         "point 'B' at",
     ),
-    *(
-        (meshed(density=x), "density must be positive")
-        for x in (0.0, -1.0, np.nan, np.inf)
-    ),
+    *((meshed(density=x), "density must be positive") for x in (0.0, np.nan, np.inf)),
     (lambda: triangles(shapely.box(0, 0, 9, 9), [], 1e-5), "choose a larger one"),
     (
         lambda: triangles(

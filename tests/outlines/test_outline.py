@@ -17,11 +17,6 @@ def at(x, y, side=10.0):
     return side / 100 * SQUARE + np.array([[x], [y]])
 
 
-def circle(n, radius=20.0, centre=(50.0, 50.0)):
-    t = 2 * np.pi * np.arange(n) / n
-    return np.array(centre)[:, None] + radius * np.stack([np.cos(t), np.sin(t)])
-
-
 @pytest.mark.parametrize("reverse", [False, True])
 def test_rings_are_oriented_and_names_follow_their_edges(reverse):
     order = slice(None, None, -1 if reverse else 1)

@@ -31,9 +31,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, ElementVector
+from skfem.helpers import cross
 
 from ...fabric import Fabric, Slopes, TwoLaws, is_zero
-from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis, cross
+from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
 from ...mesh.pattern import full_matrices
 from ...mesh.user_input import parameter
 from .elements import (

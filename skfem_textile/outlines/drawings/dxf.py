@@ -12,12 +12,7 @@ from numpy import ndarray
 from scipy.interpolate import BSpline
 
 from ...mesh.requirements import require, without_messages
-from ...mesh.user_input import (
-    IN_MM,
-    excerpt,
-    printable,
-    refuse_unit,
-)
+from ...mesh.user_input import IN_MM, excerpt, printable, refuse_unit
 from ..rings import (
     FINEST,
     SAGITTA,
@@ -283,20 +278,14 @@ def _chained(parts: list[ndarray]) -> ndarray:
     """Join the parts of a polyline; arcs may run backwards."""
     if not parts:
         return np.zeros((0, 3))
-    line, *others = parts
-    if others and _gap(line[0], others[0]) < _gap(line[-1], others[0]):
-        line = line[::-1]
-    lines = [line]
-    for part in others:
-        end = lines[-1][-1]
-        forward = np.linalg.norm(part[0] - end) <= np.linalg.norm(part[-1] - end)
-        lines.append(part if forward else part[::-1])
-    return np.vstack([lines[0], *(part[1:] for part in lines[1:])])
-
-
-def _gap(point: ndarray, part: ndarray) -> float:
-    """Distance of a point to the closer end of a part."""
-    return float(np.linalg.norm(part[[0, -1]] - point, axis=1).min())
+    lines = parts[:1]
+    for i, part in enumerate(parts[1:]):
+        # From the last and the first point of the last part to both ends of the next.
+        gaps = np.linalg.norm(lines[-1][[-1, 0], None] - part[[0, -1]], axis=2)
+        if i == 0 and gaps[1].min() < gaps[0].min():
+            lines, gaps = [lines[0][::-1]], gaps[::-1]
+        lines.append(part if gaps[0, 0] <= gaps[0, 1] else part[::-1])
+    return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
 
 
 def _in_plane(what: str, curves: list[Curve]) -> list[Curve]:

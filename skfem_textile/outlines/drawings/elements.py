@@ -173,27 +173,20 @@ def transform(what: str, text: str, mm: float) -> ndarray:
     mm
         Length in mm of a unit px.
     """
-    M = np.eye(3)
-    if text == "none":
-        return M
-    calls = re.findall(r"(\w+)\s*\(([^()]*)\)", text)
-    if re.sub(r"\w+\s*\([^()]*\)", "", text).strip(" \t\r\n,"):
-        raise _unsupported(what, text)
-    for kind, arguments in calls:
-        words = re.findall(r"[^\s,]+", re.sub(r"(?<=[\d.])(?=[-+])", " ", arguments))
-        step = _step(kind.lower(), [_argument(what, word, mm) for word in words])
+    M, rest = np.eye(3), text if text != "none" else ""
+    for call in re.finditer(r"(\w+)\s*\(([^()]*)\)", rest):
+        words = re.findall(r"[^\s,]+", re.sub(r"(?<=[\d.])(?=[-+])", " ", call[2]))
+        step = _step(call[1].lower(), [_argument(word, mm) for word in words])
         if step is None:
-            raise _unsupported(what, text)
-        M = M @ step
+            break
+        M, rest = M @ step, rest.replace(call[0], "", 1)
+    if rest.strip(" \t\r\n,"):
+        raise ValueError(f"{what}: the transform {excerpt(text)!r} is not supported")
     return M
 
 
-def _unsupported(what: str, text: str) -> ValueError:
-    return ValueError(f"{what}: the transform {excerpt(text)!r} is not supported")
-
-
-def _argument(what: str, word: str, mm: float) -> tuple[float, str]:
-    """Number of an argument, and its kind: a number, a length or an angle."""
+def _argument(word: str, mm: float) -> tuple[float, str]:
+    """Number of an argument, and its kind: a number, a length, an angle, or ''."""
     number = NUMBER.match(word)
     unit = word[number.end() :].lower() if number else "?"
     value = float(number.group()) if number else 0.0
@@ -204,7 +197,7 @@ def _argument(what: str, word: str, mm: float) -> tuple[float, str]:
         return value * px, "length"
     if unit in _ANGLES:
         return value * _ANGLES[unit], "angle"
-    raise _unsupported(what, word)
+    return value, ""
 
 
 def _step(kind: str, arguments: list[tuple[float, str]]) -> ndarray | None:
@@ -347,7 +340,6 @@ class _Path:
         self._begun = False
         self._read(d)
         self._end()
-        self.lines = [line for line in self.lines if line.shape[1] > 1]
 
     def _read(self, d: str) -> None:
         rest = d.strip()
@@ -388,11 +380,10 @@ class _Path:
             self._end()
         elif command == "L":
             self._line(origin + a)
-        elif command in "HV":
-            x = self._at.copy()
-            axis = "HV".index(command)
-            x[axis] = origin[axis] + a[0]
-            self._line(x)
+        elif command == "H":
+            self._line(np.array([origin[0] + a[0], self._at[1]]))
+        elif command == "V":
+            self._line(np.array([self._at[0], origin[1] + a[0]]))
         elif command == "A":
             self._arc(a[:2], a[2], bool(a[3]), bool(a[4]), origin + a[5:])
         else:
@@ -414,7 +405,7 @@ class _Path:
         self._at = x
 
     def _end(self) -> None:
-        if self._points:
+        if len(self._points) > 1:
             self.lines.append(np.stack(self._points, axis=1))
         self._points = []
 
@@ -440,8 +431,8 @@ class _Path:
         c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
         R, radii = np.array([[c, -s], [s, c]]), np.abs(radii)
         half = R.T @ (start - end) / 2 / radii
-        radii = radii * max(1.0, float(np.hypot(*half)))
-        half /= max(1.0, float(np.hypot(*half)))
+        larger = max(1.0, float(np.hypot(*half)))  # so that the arc reaches its end
+        radii, half = radii * larger, half / larger
         square = max(0.0, 1 / float(half @ half) - 1)
         sign = 1.0 if large != sweep else -1.0
         centre = sign * np.sqrt(square) * np.array([half[1], -half[0]])
@@ -449,10 +440,8 @@ class _Path:
         turn = (last - first) % (2 * np.pi) - (0 if sweep else 2 * np.pi)
         n = _arc_points(turn, float(radii.max()), self._tolerance)
         t = first + turn * np.linspace(0, 1, n)
-        ring = R @ (
-            radii[:, None] * (centre[:, None] + np.stack([np.cos(t), np.sin(t)]))
-        )
-        points = ring + ((start + end) / 2)[:, None]
+        around = centre[:, None] + np.stack([np.cos(t), np.sin(t)])
+        points = R @ (radii[:, None] * around) + ((start + end) / 2)[:, None]
         for x in [*points.T[1:-1], end]:
             self._line(x)
         return None

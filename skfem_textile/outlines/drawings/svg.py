@@ -4,6 +4,7 @@ import logging
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -13,18 +14,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.user_input import (
-    IN_MM,
-    excerpt,
-    printable,
-    refuse_unit,
-)
-from ..rings import (
-    Curve,
-    refuse_tolerance,
-    refuse_too_many,
-    selected,
-)
+from ...mesh.user_input import IN_MM, excerpt, printable, refuse_unit
+from ..rings import Curve, refuse_tolerance, refuse_too_many, selected
 from .elements import (
     CSS_IN_MM,
     NUMBER,
@@ -79,6 +70,9 @@ _INHERITED = {
 # Depth of nested elements, a guard against Python's own limit of recursion.
 _DEEPEST = 150
 
+# Width and height that are not stated.
+_UNKNOWN = np.full(2, np.nan)
+
 # Rounding, relative to its size, by which elements may leave a viewport.
 _OUTSIDE = 1e-6
 
@@ -91,7 +85,8 @@ class _View(NamedTuple):
     M
         Matrix to the drawing in mm, shape (3, 3).
     size
-        Width and height of the viewport in its own units, for percentages, or None.
+        Width and height of the viewport in its own units, for percentages; NaN if
+        unknown.
     layers
         Names of the elements around it.
     inherited
@@ -105,7 +100,7 @@ class _View(NamedTuple):
     """
 
     M: ndarray
-    size: tuple[float, float] | None
+    size: ndarray
     layers: tuple[str, ...] = ()
     inherited: Mapping[str, str] = MappingProxyType(_INHERITED)
     clones: tuple[str, ...] = ()
@@ -154,12 +149,9 @@ def curves_of_svg(
 
 def _is_visible(inherited: Mapping[str, str]) -> bool:
     """True if an element with these properties is painted."""
-    painted = (
-        inherited[name] not in TRANSPARENT
-        and not _is_zero(inherited[f"{name}-opacity"])
-        for name in ("fill", "stroke")
-    )
-    return inherited["visibility"] not in ("hidden", "collapse") and any(painted)
+    kinds = [kind for kind in ("fill", "stroke") if inherited[kind] not in TRANSPARENT]
+    painted = not all(_is_zero(inherited[f"{kind}-opacity"]) for kind in kinds)
+    return painted and inherited["visibility"] not in ("hidden", "collapse")
 
 
 def _is_zero(opacity: str) -> bool:
@@ -173,7 +165,8 @@ class _Reader:
     def __init__(self, what: str, root: Element, tolerance: float) -> None:
         self._what, self._root, self._tolerance = what, root, tolerance
         self._styles = Styles(what, root)
-        self._by_id = {e.get("id", ""): e for e in reversed(list(root.iter()))}
+        elements = reversed([e for e in root.iter() if e.get("id")])
+        self._by_href = {f"#{e.get('id')}": e for e in elements}
         self._mm = 1.0
         self._visited = 0
         self.curves: list[Curve] = []
@@ -184,17 +177,18 @@ class _Reader:
         root = self._root
         if self._styles.value(root, "transform") not in ("", "none"):
             raise ValueError(f"{self._what}: a transform of all is not supported")
-        for name in ("width", "height"):
-            text = self._styles.value(root, name)
-            found = text not in ("", "auto") and number_and_unit(self._what, text)
-            if found and found[1] in CSS_IN_MM:
-                self._mm = CSS_IN_MM["px"]
-        stated = self._mm != 1.0
+        extents = (self._styles.value(root, name) for name in ("width", "height"))
+        given = [x for x in extents if x not in ("", "auto")]
+        units = [number_and_unit(self._what, x)[1] for x in given]
+        stated = any(x in CSS_IN_MM for x in units)
         if unit is not None:
             self._mm = IN_MM[unit]
-        elif not stated:
+        elif stated:
+            self._mm = CSS_IN_MM["px"]
+        else:
             log.warning("%s states no unit: one unit of it is read as 1 mm", self._what)
-        M, size = self._viewport(root, self._what, None, ("", ""))
+        window = self._window(root, self._what, _UNKNOWN, ("", ""))
+        M, size = self._viewport(root, self._what, *window)
         if unit is not None or not stated:
             M[:2] /= M[0, 0]
         M[:2, 2] = 0.0  # as in the drawing
@@ -243,16 +237,12 @@ class _Reader:
     def _inside(self, element: Element, view: _View) -> _View:
         """Properties inherited by the children of an element."""
         own = {name: self._styles.value(element, name) for name in _INHERITED}
-        inherited = {
-            name: view.inherited[name] if value in ("", "inherit") else value
-            for name, value in own.items()
-        }
-        names = (element.get("id"), element.get(_LABEL))
-        layers = [*view.layers, *(name for name in names if name)]
+        given = {n: value for n, value in own.items() if value not in ("", "inherit")}
+        names = filter(None, (element.get("id"), element.get(_LABEL)))
+        layers = tuple(dict.fromkeys([*view.layers, *names]))
+        flaw = view.flaw or self._flaw(element)
         return view._replace(
-            inherited=inherited,
-            layers=tuple(dict.fromkeys(layers)),
-            flaw=view.flaw or self._flaw(element),
+            inherited={**view.inherited, **given}, layers=layers, flaw=flaw
         )
 
     def _flaw(self, element: Element) -> str:
@@ -284,8 +274,7 @@ class _Reader:
     def _visit_clone(self, use: Element, view: _View) -> None:
         """Read the element to which another one refers."""
         href = use.get("href") or use.get(f"{_XLINK}href") or ""
-        target = self._by_id.get(href[1:]) if href[:1] == "#" and href[1:] else None
-        if target is None:
+        if (target := self._by_href.get(href)) is None:
             raise ValueError(
                 f"{self._named(use)} refers to {excerpt(href)!r}, which is not an "
                 "element of the file"
@@ -309,13 +298,13 @@ class _Reader:
     ) -> None:
         """Read a nested drawing, which hides what is outside of its viewport."""
         what, first = self._named(element), len(self.curves)
-        M, size = self._viewport(element, what, view.size, given)
-        inner = view._replace(M=view.M @ M, size=size)
-        self._visit_content(element, inner)
-        overflow = self._styles.value(element, "overflow")
-        if overflow in ("visible", "auto") or size is None or first == len(self.curves):
-            return
         low, high = self._window(element, what, view.size, given)
+        M, size = self._viewport(element, what, low, high)
+        self._visit_content(element, view._replace(M=view.M @ M, size=size))
+        overflow = self._styles.value(element, "overflow")
+        cuts = overflow not in ("visible", "auto") and np.isfinite(size).all()
+        if not cuts or first == len(self.curves):
+            return
         p = np.hstack([curve.points for curve in self.curves[first:]])
         x = np.linalg.lstsq(view.M, np.vstack([p, np.ones(p.shape[1])]))[0][:2].T
         margin = _OUTSIDE * np.abs(high - low).max()
@@ -326,35 +315,24 @@ class _Reader:
             )
 
     def _window(
-        self,
-        element: Element,
-        what: str,
-        around: tuple[float, float] | None,
-        given: tuple[str, str],
+        self, element: Element, what: str, around: ndarray, given: tuple[str, str]
     ) -> tuple[ndarray, ndarray]:
         """Two corners of the viewport in the units around it; NaN if unknown."""
         value = self._styles.value
         low, size = [], []
         for i, (name, extent) in enumerate((("x", "width"), ("y", "height"))):
-            share = None if around is None else around[i]
-            is_root = element is self._root
-            text = "0" if is_root else value(element, name) or "0"
-            low.append(self._units(what, text, share))
+            text = value(element, name) if element is not self._root else ""
+            low.append(self._units(what, text or "0", around[i]))
             text = given[i] or value(element, extent)
             text = "100%" if text in ("", "auto") else text
-            unknown = share is None and text.endswith("%")
-            size.append(np.nan if unknown else self._units(what, text, share))
+            unknown = np.isnan(around[i]) and text.endswith("%")
+            size.append(np.nan if unknown else self._units(what, text, around[i]))
         return np.array(low), np.array(low) + size
 
     def _viewport(
-        self,
-        element: Element,
-        what: str,
-        around: tuple[float, float] | None,
-        given: tuple[str, str],
-    ) -> tuple[ndarray, tuple[float, float] | None]:
+        self, element: Element, what: str, low: ndarray, high: ndarray
+    ) -> tuple[ndarray, ndarray]:
         """Matrix of a viewport, and its width and height in its own units."""
-        low, high = self._window(element, what, around, given)
         box = numbers(what, self._styles.value(element, "viewBox"))
         size = high - low
         if (size <= 0).any() or (box and (len(box) != 4 or min(box[2:]) <= 0)):
@@ -362,8 +340,7 @@ class _Reader:
         M = np.eye(3)
         M[:2, 2] = low
         if not box:
-            known = np.isfinite(size).all()
-            return M, ((float(size[0]), float(size[1])) if known else None)
+            return M, (size if np.isfinite(size).all() else _UNKNOWN)
         extent = np.array(box[2:])
         if np.isnan(size).any():  # one of them follows from the other, or is as drawn
             ratio = size / extent
@@ -371,7 +348,7 @@ class _Reader:
         scale, shift = self._aspect(element, what, size / extent)
         M[[0, 1], [0, 1]] = scale
         M[:2, 2] += shift * (size - scale * extent) - scale * box[:2]
-        return M, (box[2], box[3])
+        return M, extent
 
     def _aspect(
         self, element: Element, what: str, scale: ndarray
@@ -396,20 +373,14 @@ class _Reader:
         if not _is_visible(view.inherited):
             self.ignored[f"hidden {tag}"] += 1
             return
-        what, styles = self._named(element), self._styles
-
-        def length(name: str, axis: str) -> float | None:
-            return self._length(element, view, name, axis)
-
-        def value(name: str) -> str:
-            return styles.value(element, name)
-
         M = view.M
-        stretch = max(float(np.linalg.norm(M[:2, :2], 2)), 1e-300)
-        for points in polylines(what, tag, value, length, self._tolerance / stretch):
-            own = element.get("id", "")
-            around = "".join(f" of {excerpt(name)!r}" for name in view.layers[-1:])
-            where = f"{tag} {excerpt(own)!r}" if own else f"{tag}{around}"
+        tolerance = self._tolerance / max(float(np.linalg.norm(M[:2, :2], 2)), 1e-300)
+        value = partial(self._styles.value, element)
+        length = partial(self._length, element, view)
+        own = element.get("id", "")
+        around = "".join(f" of {excerpt(name)!r}" for name in view.layers[-1:])
+        where = f"{tag} {excerpt(own)!r}" if own else f"{tag}{around}"
+        for points in polylines(self._named(element), tag, value, length, tolerance):
             moved = M[:2, :2] @ points + M[:2, 2:]
             self.curves.append(Curve(moved, own, where, view.layers, view.flaw))
 
@@ -420,20 +391,18 @@ class _Reader:
         text = self._styles.value(element, name)
         if text in ("", "auto"):
             return None
-        share = None
-        if view.size is not None:
-            mean = float(np.hypot(*view.size)) / np.sqrt(2)
-            share = {"x": view.size[0], "y": view.size[1], "both": mean}[axis]
-        return self._units(self._named(element), text, share)
+        width, height = view.size
+        whole = {"x": width, "y": height, "both": np.hypot(width, height) / np.sqrt(2)}
+        return self._units(self._named(element), text, whole[axis])
 
-    def _units(self, what: str, text: str, whole: float | None) -> float:
+    def _units(self, what: str, text: str, whole: float) -> float:
         """Length in units of the element; per cent are of a whole."""
         number, unit = number_and_unit(what, text)
+        if unit == "%" and np.isnan(whole):
+            raise ValueError(
+                f"{what}: {excerpt(text)} of a drawing without width and height"
+            )
         if unit == "%":
-            if whole is None:
-                raise ValueError(
-                    f"{what}: {excerpt(text)} of a drawing without width and height"
-                )
             return number * whole / 100
         return number if unit in ("", "px") else number * CSS_IN_MM[unit] / self._mm
 

@@ -71,14 +71,11 @@ def points_of_table(
     words = ",".join(lines[0][1]).split()
     if len(first) == 1 or (len(words) == len(axes) and all(map(_is_number, words))):
         lines = _split_at_spaces(file, lines, axes)
-    columns, scale, of_curve = (
-        [*range(len(axes))],
-        np.full(len(axes), IN_MM[unit or "mm"]),
-        -1,
-    )
     number, head = lines[0]
     if len(head) == len(axes) and all(map(_is_number, head)) and not is_heading:
         lines[0] = number, [cell.replace(",", ".") for cell in head]
+        columns, scale = [*range(len(axes))], np.full(len(axes), IN_MM[unit or "mm"])
+        of_curve = -1
     else:
         columns, scale, of_curve = _columns(file, head, axes, unit)
         del lines[0]

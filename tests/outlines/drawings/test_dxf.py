@@ -125,9 +125,22 @@ def spline_frame(drawing, model):
     )
 
 
+def on_another_layer(drawing, model):
+    """A layer that is off does not hide other layers of its blocks."""
+    drawing.layers.add("GUIDES").off()
+    hole(drawing, layer="CUT")
+    model.add_blockref("HOLE", (50, 50), {"layer": "GUIDES"})
+
+
+def cone(drawing, model):
+    """The first part of the polyline is an arc that runs backwards."""
+    model.add_lwpolyline([(40, 50, 0, 0, -1), (60, 50), (50, 30)], close=True)
+
+
 @pytest.mark.parametrize(
     ("draw", "area", "holes"),
     [
+        (cone, ROUND / 2 + 200, 1),
         (scaled, 2 * ROUND, 1),
         (nested, 2 * ROUND, 1),
         (array, 2 * ROUND, 4),
@@ -135,6 +148,10 @@ def spline_frame(drawing, model):
         (line_twice, 200, 1),
         (mirrored, ROUND, 1),
         (spline_frame, 200, 1),
+        (on_another_layer, np.pi, 1),
+        (lambda _, model: model.add_circle((50, 50, 30), 10), ROUND, 1),
+        (lambda _, model: model.add_line((50, 50), (50, 50)), 0, 0),
+        (lambda drawing, _: drawing.paperspace().add_circle((50, 50), 20), 0, 0),
     ],
 )
 def test_holes_are_read_wherever_they_are_stored(read, draw, area, holes):
@@ -201,21 +218,11 @@ def test_a_piece_stored_as_a_block(read):
 KINDS = {
     "HATCH": lambda m: m.add_hatch().paths.add_polyline_path([(4, 4), (9, 4), (9, 9)]),
     "MLINE": lambda m: m.add_mline([(40, 40), (60, 40), (60, 60)], close=True),
-    "SOLID": lambda m: m.add_solid([(40, 40), (60, 40), (40, 60), (60, 60)]),
-    "TRACE": lambda m: m.add_trace([(40, 40), (60, 40), (40, 60), (60, 60)]),
-    "3DFACE": lambda m: m.add_3dface([(40, 40), (60, 40), (60, 60)]),
     "DIMENSION": lambda m: m.add_linear_dim((0, -9), (0, 0), (100, 0)).render(),
     "TEXT": lambda m: m.add_text("ply"),
-    "MTEXT": lambda m: m.add_mtext("ply"),
-    "POINT": lambda m: m.add_point((50, 50)),
     "POLYLINE": lambda m: m.add_polymesh((3, 3)),
     "empty LWPOLYLINE": lambda m: m.add_lwpolyline([(50, 50)]),
 }
-
-
-def test_a_line_without_length_has_no_effect(read):
-    outline, _ = read(lambda drawing, model: model.add_line((50, 50), (50, 50)))
-    assert outline.shape().area == pytest.approx(1e4)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -235,14 +242,6 @@ def test_entities_of_unknown_types_are_ignored_and_named(tmp_path, caplog):
     (tmp_path / "a.dxf").write_text(unknown)
     Outline.from_dxf(tmp_path / "a.dxf")
     assert "a.dxf: ignored: 1 STITCH" in caplog.text
-
-
-def test_one_line_names_all_that_is_ignored(read):
-    def several(drawing, model):
-        for kind in ("MLINE", "MLINE", "HATCH"):
-            KINDS[kind](model)
-
-    assert read(several)[1].count("ignored: 2 MLINE, 1 HATCH") == 1
 
 
 def off(drawing, model):
@@ -281,20 +280,6 @@ def test_what_is_not_visible_does_not_count_and_is_named(read, draw):
     assert "ignored: 1 hidden" in said
 
 
-def test_a_layer_that_is_off_does_not_hide_other_layers_of_its_blocks(read):
-    def draw(drawing, model):
-        drawing.layers.add("GUIDES").off()
-        hole(drawing, layer="CUT")
-        model.add_blockref("HOLE", (50, 50), {"layer": "GUIDES"})
-
-    assert len(read(draw)[0].holes) == 1
-
-
-def test_the_paper_space_is_not_read(read):
-    draw = lambda drawing, _: drawing.paperspace().add_circle((50, 50), 20)  # noqa: E731
-    assert not read(draw)[0].holes
-
-
 # Lengths of the units of $INSUNITS in mm, by the definitions of the units.
 UNITS = {
     **{1: 25.4, 2: 304.8, 3: 1609344.0, 4: 1.0, 5: 10.0, 6: 1e3, 7: 1e6, 8: 2.54e-5},
@@ -324,6 +309,10 @@ def test_a_given_unit_decides(read):
         read(nothing, 99)
 
 
+def in_space(drawing, model):
+    model.add_line((0, 0, 0), (9, 9, 9), {"layer": "AXIS"})
+
+
 def frame(drawing, model):
     add_square(model, 300.0, (-50.0, -50.0), layer="FRAME")
 
@@ -338,6 +327,7 @@ def test_a_frame_is_named_and_a_layer_chosen(read):
         assert outline.shape().area == pytest.approx(1e4)
         assert not said
     assert read(frame, layer="frame")[0].shape().area == pytest.approx(9e4)
+    assert read(in_space, layer="0")[0].shape().area == pytest.approx(1e4)
     with pytest.raises(ValueError, match=r"layer 'cut'; it has lines on '0', 'FRAME'"):
         read(frame, layer=["0", "cut"])
 
@@ -351,16 +341,6 @@ def test_a_tilted_plane_is_laid_flat(read):
     outline, said = read(tilted, square=False)
     assert outline.shape().area == pytest.approx(1e4 - ROUND, abs=1.5)
     assert "tilted plane, which is laid flat" in said
-
-
-def test_curves_at_several_heights_are_seen_from_above(read):
-    draw = lambda _, model: model.add_circle((50, 50, 30), 10)  # noqa: E731
-    assert 1e4 - read(draw)[0].shape().area == pytest.approx(ROUND, abs=1.5)
-
-
-def test_curves_in_space_on_other_layers_do_not_matter(read):
-    draw = lambda _, model: model.add_line((0, 0, 0), (9, 9, 9), {"layer": "AXIS"})  # noqa: E731
-    assert read(draw, layer="0")[0].shape().area == pytest.approx(1e4)
 
 
 def steep(drawing, model):
@@ -430,6 +410,9 @@ def test_what_cannot_be_read_is_refused_in_one_line(read, draw, message):
 
 
 def test_a_drawing_of_ignored_entities_only_has_no_lines(read):
-    draw = lambda drawing, model: KINDS["HATCH"](model)  # noqa: E731
-    with pytest.raises(ValueError, match="has no lines; ignored: 1 HATCH"):
-        read(draw, square=False)
+    def several(drawing, model):
+        for kind in ("MLINE", "MLINE", "HATCH"):
+            KINDS[kind](model)
+
+    with pytest.raises(ValueError, match="has no lines; ignored: 2 MLINE, 1 HATCH"):
+        read(several, square=False)

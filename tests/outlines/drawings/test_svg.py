@@ -105,16 +105,9 @@ def test_what_is_not_visible_does_not_count_and_is_named(read, content):
     assert "ignored: 1 " in said
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        '<pattern id="p"><circle cx="50" cy="50" r="20"/></pattern>',
-        '<symbol id="p"><circle cx="50" cy="50" r="20"/></symbol>',
-        '<clipPath id="p"><circle cx="50" cy="50" r="20"/></clipPath>',
-    ],
-)
-def test_definitions_are_not_drawn(read, content):
-    outline, said = read(SQUARE + content)
+@pytest.mark.parametrize("tag", ["pattern", "symbol", "clipPath"])
+def test_definitions_are_not_drawn(read, tag):
+    outline, said = read(f'{SQUARE}<{tag}><circle cx="50" cy="50" r="20"/></{tag}>')
     assert not outline.holes
     assert not said
 
@@ -167,11 +160,24 @@ def test_a_drawing_without_a_unit_is_in_mm_and_the_unit_can_be_given(read):
         read(SQUARE, unit="feet")
 
 
-def test_layers_of_inkscape_have_their_labels(read):
-    name = 'xmlns:i="http://www.inkscape.org/namespaces/inkscape" i:label="Cut"'
-    frame = '<rect x="-9" y="-9" width="150" height="150"/>'
-    outline, _ = read(f"{frame}<g {name}>{SQUARE}</g>", layer="Cut")
-    assert outline.shape().area == pytest.approx(1e4)
+LABEL = 'xmlns:i="http://www.inkscape.org/namespaces/inkscape" i:label="Cut"'
+
+
+@pytest.mark.parametrize(
+    ("content", "options"),
+    [
+        (f'<rect width="150" height="150"/><g {LABEL}>{SQUARE}</g>', {"layer": "Cut"}),
+        (
+            f'<circle r="300" clip-path="url(#c)"/><g id="ply">{SQUARE}</g>',
+            {"layer": "ply"},
+        ),
+        (f'<switch><g systemLanguage="x"/>{SQUARE}<circle r="500"/></switch>', {}),
+        (f"<style>rect:hover, g rect {{fill: #ff0}}</style>{SQUARE}", {}),
+    ],
+    ids=["a label", "a clip on another layer", "a switch", "a colour"],
+)
+def test_only_the_square_is_the_ply(read, content, options):
+    assert read(content, **options)[0].shape().area == pytest.approx(1e4)
 
 
 @pytest.mark.parametrize(
@@ -188,17 +194,6 @@ def test_styles_apply_by_importance_and_specificity(read, hole):
     .b.a{r:10px} circle{r:3px;cx:50px;cy:50px} rect{r:10px;cx:1px}</style>"""
     outline, _ = read(style + SQUARE + hole)
     assert 1e4 - outline.shape().area == pytest.approx(ROUND, abs=1.5)
-
-
-def test_a_switch_draws_its_first_child_that_applies(read):
-    children = '<g requiredExtensions="x"/>' + SQUARE + '<circle r="500"/>'
-    outline, _ = read(f"<switch>{children}</switch>")
-    assert outline.shape().area == pytest.approx(1e4)
-
-
-def test_colours_of_complex_selectors_do_not_matter(read):
-    style = "<style>rect:hover, g rect {fill: #ff0}</style>"
-    assert read(style + SQUARE)[0].shape().area == pytest.approx(1e4)
 
 
 def test_layers_are_ids_of_groups_and_elements(read):
@@ -257,12 +252,6 @@ def test_what_is_not_supported_is_refused_in_one_line(read, content, message):
     assert "\n" not in str(error.value)
 
 
-def test_what_is_clipped_on_other_layers_does_not_matter(read):
-    frame = '<circle r="300" clip-path="url(#c)"/>'
-    outline, _ = read(f'{frame}<g id="ply">{SQUARE}</g>', layer="ply")
-    assert outline.shape().area == pytest.approx(1e4)
-
-
 def test_clones_of_clones_are_limited(read, monkeypatch):
     monkeypatch.setattr("skfem_textile.outlines.rings._MOST", 500)
     group = '<g id="n0"/>'
@@ -294,14 +283,6 @@ def test_bad_files_are_refused(tmp_path, text, message):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (
-            SQUARE + '<rect x="200" width="50" height="50"/>',
-            r"has 2 pieces: 100 x 100 mm \(rect\), 50 x 50 mm \(rect\); a ply is one",
-        ),
-        (
-            SQUARE + "".join(f'<circle cx="50" cy="50" r="{r}"/>' for r in (30, 10)),
-            r"20 x 20 mm \(circle\) is a piece in a hole of 100 x 100 mm \(rect\)",
-        ),
         (
             SQUARE + '<circle id="c" cx="100" cy="50" r="9"/>',
             r"100 x 100 mm \(rect\) and 18 x 18 mm \(circle 'c'\) touch or cross at",

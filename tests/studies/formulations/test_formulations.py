@@ -38,7 +38,7 @@ def test_a_case_is_measured_at_40_degrees_and_its_load_at_every_angle():
     assert not row["refused"]
 
 
-def test_converged_loads_are_those_of_fibres_that_stretch():
+def test_converged_loads_are_of_fibres_that_stretch():
     """They are smaller than those of inextensible ones."""
     assert study.exact_load(STRIP) == study.exact_load(FRAME) == 0
     for laws in (BIAS, BIAS_SIN2):
