@@ -101,37 +101,30 @@ class OfRevolution:
     point: Vector
     axis: Vector
 
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        """The function f of distance from the axis and height along it."""
-        raise NotImplementedError
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        """The function f of distance from the axis and height, and its derivatives.
 
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        """∂f/∂r and ∂f/∂z."""
+        In this order: f, ∂f/∂r, ∂f/∂z, ∂²f/∂r², ∂²f/∂r∂z and ∂²f/∂z².
+        """
         raise NotImplementedError
-
-    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        """∂²f/∂r², ∂²f/∂r∂z and ∂²f/∂z²."""
-        zero = np.zeros_like(r)
-        return zero, zero, zero
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
         r, z, _ = self._cylindrical(x)
-        return self._f(r, z)
+        return self._derivatives(r, z)[0]
 
     def gradient(self, x: ndarray) -> ndarray:
         """∇φ, shape (3, n)."""
         r, z, across = self._cylindrical(x)
-        of_r, of_z = self._df(r, z)
+        _, of_r, of_z, *_ = self._derivatives(r, z)
         return of_r * across + of_z * np.asarray(self.axis)[:, None]
 
     def hessian(self, x: ndarray) -> ndarray:
         """∇²φ, shape (3, 3, n)."""
         r, z, across = self._cylindrical(x)
-        along = np.broadcast_to(np.asarray(self.axis)[:, None], x.shape)
-        rr, rz, zz = self._ddf(r, z)
-        of_r, _ = self._df(r, z)
+        _, of_r, _, rr, rz, zz = self._derivatives(r, z)
         axis = np.asarray(self.axis)
+        along = np.broadcast_to(axis[:, None], x.shape)
         beside = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
         beside /= np.linalg.norm(beside)
         across = np.where(r > 0, across, beside[:, None])
@@ -172,11 +165,9 @@ class Cylinder(declared.Cylinder, OfRevolution):
     def __post_init__(self) -> None:
         _check(self, "cylinder", radius=positive_length, point=_vector, axis=_unit)
 
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        return r - self.radius
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        return np.ones_like(r), np.zeros_like(z)
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        zero = np.zeros_like(r)
+        return r - self.radius, zero + 1, zero, zero, zero, zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,12 +187,9 @@ class Cone(declared.Cone, OfRevolution):
     def __post_init__(self) -> None:
         _check(self, "cone", angle=_acute, point=_vector, axis=_unit)
 
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        return r * np.cos(self.angle) - z * np.sin(self.angle)
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        one = np.ones_like(r)
-        return np.cos(self.angle) * one, -np.sin(self.angle) * one
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        c, s, zero = np.cos(self.angle), np.sin(self.angle), np.zeros_like(r)
+        return r * c - z * s, zero + c, zero - s, zero, zero, zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,24 +210,19 @@ class Torus(declared.Torus, OfRevolution):
 
     def __post_init__(self) -> None:
         _check(self, "torus", radius=positive_length, tube=positive_length)
+        _check(self, "torus", point=_vector, axis=_unit)
         if self.tube >= self.radius:
             raise ValueError(
                 f"torus: tube must be smaller than radius, got {self.tube:g} mm and "
                 f"{self.radius:g} mm"
             )
-        _check(self, "torus", point=_vector, axis=_unit)
 
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        return np.hypot(r - self.radius, z) - self.tube
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        away = np.maximum(np.hypot(r - self.radius, z), TINY)
-        return (r - self.radius) / away, z / away
-
-    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        away = np.maximum(np.hypot(r - self.radius, z), TINY)
-        c, s = self._df(r, z)
-        return s * s / away, -c * s / away, c * c / away
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        off = r - self.radius
+        away = np.maximum(np.hypot(off, z), TINY)
+        c, s = off / away, z / away
+        of_second = s * s / away, -c * s / away, c * c / away
+        return away - self.tube, c, s, *of_second
 
 
 def _check(surface: object, name: str, **checks: Callable[[str, Any], Any]) -> None:
@@ -444,43 +427,24 @@ class Punch(declared.Punch, OfRevolution):
     def __post_init__(self) -> None:
         _check(self, "punch", radius=positive_length, point=_vector, axis=_unit)
 
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        away = np.hypot(r, np.maximum(z, 0.0))
-        inside, _, _ = _core(away, self.radius)
-        depth, _, _ = _depth(z, self.radius)
-        return _rounded(away, self.radius)[0] - self.radius + inside * depth
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        away, n_r, n_z = self._direction(r, z)
-        slope, _ = self._slopes(away, z)
-        inside, _, _ = _core(away, self.radius)
-        _, depth_z, _ = _depth(z, self.radius)
-        return n_r * slope, n_z * slope + inside * depth_z
-
-    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        away, n_r, n_z = self._direction(r, z)
-        slope, bend = self._slopes(away, z)
-        inside, inside_r, _ = _core(away, self.radius)
-        _, depth_z, depth_zz = _depth(z, self.radius)
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        # Distance from the axis of the shaft, or from the centre above it.
+        above = np.maximum(z, 0.0)
+        away = np.maximum(np.hypot(r, above), TINY)
+        n_r, n_z = np.where(z > 0, r / away, 1.0), above / away
+        distance, slope, bend = _rounded(away, self.radius)
+        inside, inside_r, inside_rr = _core(away, self.radius)
+        depth, depth_z, depth_zz = _depth(z, self.radius)
+        slope, bend = slope + inside_r * depth, bend + inside_rr * depth
         around, mixed = np.where(z > 0, slope / away, 0.0), inside_r * depth_z
         return (
+            distance - self.radius + inside * depth,
+            n_r * slope,
+            n_z * slope + inside * depth_z,
             bend * n_r**2 + around * n_z**2,
             (bend - around) * n_r * n_z + mixed * n_r,
             bend * n_z**2 + around * n_r**2 + 2 * mixed * n_z + inside * depth_zz,
         )
-
-    def _direction(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        """Distance from the axis of the shaft or the centre, and its derivatives."""
-        above = np.maximum(z, 0.0)
-        away = np.maximum(np.hypot(r, above), TINY)
-        return away, np.where(z > 0, r / away, 1.0), above / away
-
-    def _slopes(self, away: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        """First and second derivative of φ by this distance."""
-        _, slope, bend = _rounded(away, self.radius)
-        _, inside_r, inside_rr = _core(away, self.radius)
-        depth, _, _ = _depth(z, self.radius)
-        return slope + inside_r * depth, bend + inside_rr * depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -516,24 +480,15 @@ class Die(declared.Die, OfRevolution):
         _check(self, "die", radius=positive_length, fillet=positive_length)
         _check(self, "die", point=_vector, axis=_unit)
 
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        inside, _, _ = _core(r, self.radius)
-        depth, _, _ = _depth(z, self.radius)
-        return self._section(r, z)[0] - inside * depth
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        _, n_r, n_z, _ = self._section(r, z)
-        _, slope, _ = _rounded(r, self.radius)
-        inside, inside_r, _ = _core(r, self.radius)
-        depth, depth_z, _ = _depth(z, self.radius)
-        return n_r * slope - inside_r * depth, n_z - inside * depth_z
-
-    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        _, n_r, n_z, curved = self._section(r, z)
-        _, slope, bend = _rounded(r, self.radius)
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        distance, slope, bend = _rounded(r, self.radius)
+        level, n_r, n_z, curved = self._section(distance, z)
         inside, inside_r, inside_rr = _core(r, self.radius)
         depth, depth_z, depth_zz = _depth(z, self.radius)
         return (
+            level - inside * depth,
+            n_r * slope - inside_r * depth,
+            n_z - inside * depth_z,
             curved * (n_z * slope) ** 2 + n_r * bend - inside_rr * depth,
             -curved * n_r * n_z * slope - inside_r * depth_z,
             curved * n_r**2 - inside * depth_zz,
@@ -541,7 +496,7 @@ class Die(declared.Die, OfRevolution):
 
     def _section(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         """Distance in the section, its derivatives by r and z, and its curvature."""
-        r = _rounded(r, self.radius)[0] - (self.radius + self.fillet)
+        r = r - (self.radius + self.fillet)
         z = z - self.fillet
         plane, wall = (r >= 0) & (z <= r), (z >= 0) & (r < z)
         away = np.maximum(np.hypot(r, z), TINY)
