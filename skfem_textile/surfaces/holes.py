@@ -36,7 +36,7 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     Raises
     ------
     MeshError
-        See `loops_of_edges`.
+        See `loops`.
     """
     edges = loops(x, [triangles])
     part, turn = parts_of(x.shape[1], triangles), turning(x, triangles)

@@ -8,7 +8,6 @@ Multi-level partition of unity implicits, ACM Trans.  Graph.  22:463).
 
 from copy import copy
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -53,14 +52,6 @@ _LEVELS = np.linspace(0.0, 1 / _FAR, 9)
 # the direction of the nearest point by 37° at most, so that a face on which the nearest
 # point does not lie is lower than 0.6 of the distance.
 _CUBE, _FAR_OFF, _HIGH = 1.0, 5.0, 0.7
-
-
-class Derivatives(NamedTuple):
-    """φ, ∇φ and ∇²φ, shapes (n,), (3, n) and (3, 3, n)."""
-
-    level: ndarray
-    gradient: ndarray
-    hessian: ndarray
 
 
 class Quadrics:
@@ -128,8 +119,7 @@ class Quadrics:
 
     def offsets(self) -> ndarray:
         """Distances of the points above their quadrics in mm, shape (n,)."""
-        values: ndarray = self._quadrics[1]
-        return values
+        return self._quadrics[1]
 
     def heights(self, x: ndarray) -> tuple[ndarray, ndarray]:
         """Heights over the tangent plane at the nearest point, and its normal.

@@ -337,43 +337,28 @@ def cut_in_two(cells: tuple[ndarray, ...]) -> ndarray:
     return np.hstack([cell[cut] for cell in cells for cut in cuts[len(cell)]])
 
 
-def loops_of_edges(edges: ndarray) -> list[ndarray]:
-    """Nodes of the closed curves along directed edges, shape (2, n).
-
-    Raises
-    ------
-    MeshError
-        If more than two of them meet at a node.
-    """
-    start, end = edges.tolist()
-    after = dict(zip(start, end, strict=True))
-    if len(after) < len(start) or len(set(after.values())) < len(end):
-        raise MeshError(
-            "tool mesh: the boundary crosses itself, or the elements are oriented "
-            "inconsistently"
-        )
-    loops = []
-    while after:
-        begin = at = next(iter(after))
-        nodes = []
-        while at in after:
-            nodes.append(at)
-            at = after.pop(at)
-        if at != begin:
-            raise MeshError("tool mesh: the boundary is not a closed curve")
-        loops.append(np.array(nodes))
-    return loops
-
-
 def loops(points: ndarray, cells: Sequence[ndarray]) -> list[ndarray]:
     """Nodes of the closed curves along the boundary of cells, the longest first.
 
     Raises
     ------
     MeshError
-        See `loops_of_edges`.
+        If more than two edges of the boundary meet at a node.
     """
-    found = loops_of_edges(boundary_edges(cells))
+    start, end = boundary_edges(cells).tolist()
+    after = dict(zip(start, end, strict=True))
+    if len(after) < len(start) or set(start) != set(end):
+        raise MeshError(
+            "tool mesh: the boundary crosses itself, or the elements are oriented "
+            "inconsistently"
+        )
+    found = []
+    while after:
+        at, nodes = next(iter(after)), []
+        while at in after:
+            nodes.append(at)
+            at = after.pop(at)
+        found.append(np.array(nodes))
     return sorted(found, key=lambda nodes: -curve_length(points[:, nodes]))
 
 
