@@ -225,10 +225,8 @@ def shear_over(net: Net, points: ndarray) -> ndarray:
 
 def _slope(values: ndarray, axis: int) -> ndarray:
     """Mean of the differences to both neighbours, without those that are NaN."""
-    step = np.diff(values, axis=axis)
-    pads = [[(0, 0)] * 2, [(0, 0)] * 2]
-    pads[0][axis], pads[1][axis] = (1, 0), (0, 1)
-    sides = np.array([np.pad(step, pad, constant_values=np.nan) for pad in pads])
+    step = np.diff(values, axis=axis, prepend=np.nan, append=np.nan)
+    sides = np.array([np.delete(step, end, axis) for end in (-1, 0)])
     known = np.isfinite(sides)
     total = np.where(known, sides, 0.0).sum(axis=0)
     return np.asarray(total / np.maximum(known.sum(axis=0), 1))
