@@ -13,7 +13,7 @@ from skfem import Mesh
 
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
-from ..mesh.graph import boundary_edges, components
+from ..mesh.graph import boundary_edges, components, edges_of
 from ..mesh.overlap import signed_areas
 from ..mesh.user_input import coords
 from ..nets.crossings import Net
@@ -98,8 +98,7 @@ def contact_point(tool: TriangleMesh, point: Sequence[float] | None = None) -> n
 
 
 def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
-    a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
-    of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    of_tool = facets.area
     x, y = ply.p[:, ply.t]
     of_ply = np.abs(signed_areas(x, y)).sum()
     areas = (
@@ -181,7 +180,7 @@ def _middle_of_top(tool: TriangleMesh) -> tuple[ndarray, bool]:
     high = np.flatnonzero(is_high)
     middle = 0.5 * (x.min(axis=1) + x.max(axis=1))
     vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
-    edges = np.hstack([triangles[:2], triangles[1:], triangles[::2]])
+    edges, _ = edges_of([triangles])
     edges = edges[:, is_high[edges].all(axis=0)]
     part = components(x.shape[1], edges)
     top = part == part[vertex]

@@ -230,9 +230,9 @@ class _Laid:
 
     def edge_tension(self, fabric: Fabric) -> Sequence[Load]:
         """Loads of a ply of a fabric."""
-        law = fabric.shear_law if fabric.at() is fabric else None
         if not self.tension:
             return []
+        law = fabric.shear_law if fabric.at() is fabric else None
         of_ply = self.tension, self.angles, law, self.held, self.lay
         return [EdgeTension(self.on_tool, *of_ply)]
 

@@ -1,6 +1,7 @@
 """The scenes of plies on tools, and tension on their edges."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from skfem_textile.fabric import Linear
 from skfem_textile.scenes import Case, cylinder, edge_tension, hemisphere, saddle
 from skfem_textile.scenes import draped_ply as draped_module
 from skfem_textile.scenes.draped_ply import draped_ply
-from skfem_textile.scenes.edge_tension import EdgeTension
+from skfem_textile.scenes.edge_tension import EdgeTension, edge_net
 from tests.helpers import arguments_of
 from tests.helpers.tools import square
 
@@ -248,8 +249,10 @@ def on_valley(cells, fibres=17.0, angle=90.0):
     """A ply with edge tension in the valley."""
     angles = tuple(np.radians([fibres, fibres + angle]))
     on_tool = OnSurface(drape.HeightField(valley), touch=TOUCH)
-    load = EdgeTension(on_tool, 2.0, angles, Linear(0.5), ())
-    return square(110.0, cells, loads=[load], corner=np.array(TOUCH) - 50.0)
+    place = {"corner": np.array(TOUCH) - 50.0}
+    net = partial(edge_net, square(110.0, cells, **place).mesh, on_tool, angles)
+    load = EdgeTension(on_tool, 2.0, angles, Linear(0.5), (), net)
+    return square(110.0, cells, loads=[load], **place)
 
 
 def test_edge_tension_grows_in_proportion_to_the_load_factor():
