@@ -8,18 +8,13 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Ply, drape
+from skfem_textile import drape
 from skfem_textile.io import write_pattern
-from tests.helpers.tools import SPHERE, on_net, rolled
+from tests.helpers.tools import SPHERE, on_net, rolled, rolled_ply
 
 
 def on_cylinder(n):
-    """A ply of 100 mm × 100 mm with its nodes on the cylinder, warp at 0.4."""
-    mesh = MeshQuad.init_tensor(*2 * [np.linspace(0, 100, n + 1)])
-    warp, weft = (np.cos(0.4), np.sin(0.4)), (-np.sin(0.4), np.cos(0.4))
-    ply = Ply(mesh, Fabric(1e4, 0.1, warp, weft), dimension=3)
-    u = drape.displacement(ply.nodes, rolled(ply.nodes))
-    return drape.Sheet.of_ply(ply, u)
+    return drape.Sheet.of_ply(*rolled_ply(n, 0.4))
 
 
 def circle(n, middle=50.0, radius=30.0):
@@ -77,9 +72,14 @@ def holed_tool():
     return drape.ToolMesh(rolled(mesh.p), (t,))
 
 
-def test_the_boundary_of_a_tool_is_its_outline_and_its_holes():
+@pytest.fixture(scope="module")
+def patterns():
     sheet = on_cylinder(20)
-    outer, hole = (drape.flat_pattern(sheet, c) for c in holed_tool().boundary())
+    return [drape.flat_pattern(sheet, c) for c in holed_tool().boundary()]
+
+
+def test_the_boundary_of_a_tool_is_its_outline_and_its_holes(patterns):
+    outer, hole = patterns
     assert outer.area == pytest.approx(3600, rel=1e-4)
     assert hole.area == pytest.approx(400, rel=1e-4)
     assert outer.length == pytest.approx(240, rel=1e-4)
@@ -100,12 +100,6 @@ def test_curves_that_come_near_themselves_are_accepted(side):
     curve = polygon(x, y)[:, ::side]
     pattern = drape.flat_pattern(on_cylinder(24), rolled(curve))
     assert pattern.area == pytest.approx(3600 - 0.2 * 55 / 2, rel=1e-4)
-
-
-@pytest.fixture(scope="module")
-def patterns():
-    sheet = on_cylinder(20)
-    return [drape.flat_pattern(sheet, c) for c in holed_tool().boundary()]
 
 
 def test_a_csv_has_outline_lengths_fibres_and_points_on_the_tool(tmp_path, patterns):

@@ -12,13 +12,6 @@ CYLINDER = drape.Cylinder(60.0, (0, 0, -60))
 CONE = drape.Cone(0.4, (0, 0, 0), (1, 0, 0))
 
 
-def test_the_exact_net_has_the_shear_angles_of_the_literature():
-    z = np.array([0.25, 0.5, 0.75, 1.0])
-    X = SIDE * np.sqrt(z) * np.ones((2, 1))
-    expected = [14.2744, 28.2568, 41.6795, 54.3183]
-    np.testing.assert_allclose(np.degrees(exact_shear_angle(X)), expected, atol=1e-4)
-
-
 def test_a_net_on_the_sphere_converges_to_the_chebyshev_net():
     errors = []
     for n in (16, 32):

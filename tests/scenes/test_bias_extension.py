@@ -98,18 +98,19 @@ def test_the_exact_motion_stretches_no_fibre_and_has_uniform_shear_zones(t, degr
     np.testing.assert_allclose(top, [[0.0] * 3, [delta] * 3], atol=1e-12)
 
 
-@pytest.mark.parametrize(("law", "bound"), [(Linear(0.5), 0.04), (Sin2(0.5), 0.06)])
-def test_one_stabilised_point_gives_the_load_on_a_jittered_mesh(law, bound):
-    summary = solve(bias_extension(size=(16, 32)), law)
+@pytest.mark.parametrize(
+    ("law", "degrees", "bound"),
+    [
+        (Linear(0.5), 45.0, 0.04),
+        (Sin2(0.5), 45.0, 0.06),
+        (Linear(0.5), 40.0, 0.04),
+        (Linear(0.5), 50.0, 0.04),
+    ],
+)
+def test_one_stabilised_point_gives_the_load_on_a_jittered_mesh(law, degrees, bound):
+    fibres = {"warp": np.radians(degrees), "weft": np.radians(180 - degrees)}
+    summary = solve(bias_extension(size=(16, 32), **fibres), law)
     assert summary["load_over_exact"] == pytest.approx(1.0, abs=bound)
-    assert summary["stable"]
-
-
-@pytest.mark.parametrize("degrees", [40.0, 50.0])
-def test_fibres_may_cross_at_another_angle(degrees):
-    theta = np.radians(degrees)
-    summary = solve(bias_extension(size=(16, 32), warp=theta, weft=np.pi - theta))
-    assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.04)
     assert summary["stable"]
 
 
@@ -134,13 +135,6 @@ def test_half_a_ply_on_a_roller_agrees_with_the_whole(degrees):
             assert other[name] == pytest.approx(one[name], rel=1e-6)
         assert other["reaction_y"] == pytest.approx(one["reaction_y"] / 2, rel=1e-6)
         assert other["energy"] == pytest.approx(one["energy"] / 2, rel=1e-6)
-
-
-def test_the_exact_motion_of_half_a_ply_stays_on_its_axis():
-    scene = bias_extension(size=(8, 32), part="half")
-    axis = scene.mesh.p[:, scene.mesh.p[0] == WIDTH / 2]
-    assert axis.shape == (2, 33)
-    np.testing.assert_allclose(scene.displacement(axis, 1.0)[0], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

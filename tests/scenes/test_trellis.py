@@ -38,18 +38,6 @@ def test_a_picture_frame_is_exact(formulation, degrees):
     assert summary["energy"] == pytest.approx(SIDE**2 * 0.25 * gamma**2)
 
 
-def test_the_machines_force_does_the_work_of_the_frame():
-    """F times the travel of the corners: the docstring's formula is a derivative."""
-
-    def travel(gamma):
-        return 2 * SIDE * (np.cos(np.pi / 4 - gamma / 2) - np.sqrt(0.5))
-
-    gamma, d = 0.6, 1e-6
-    slope = (travel(gamma + d) - travel(gamma - d)) / (2 * d)
-    force = SIDE * 0.5 * gamma / np.sin(np.pi / 4 - gamma / 2)
-    assert force * slope == pytest.approx(SIDE**2 * 0.5 * gamma)
-
-
 @pytest.mark.parametrize("crossing", [30.0, 90.0, 150.0])
 @pytest.mark.parametrize("inclination", [0.0, 20.0, 90.0])
 def test_a_straight_trellis_is_exact_at_any_fibre_angles(crossing, inclination):

@@ -39,6 +39,7 @@ from tests.helpers.tools import (
     geodesic_u,
     plate,
     rolled,
+    rolled_ply,
     run_words,
     square,
     write,
@@ -97,9 +98,6 @@ NETS = {
     r"net: the start must be three finite.*got \(0, 0\)": lambda: drape.net(
         PLATE, 5.0, point=(0, 0)
     ),
-    "net: the start must be three finite.*nan": lambda: drape.net(
-        PLATE, 5.0, point=(0, 0, np.nan)
-    ),
     "passes the start .* at a distance of 9": lambda: net_along(
         np.add(STRAIGHT, (0, 9, 0))
     ),
@@ -116,11 +114,9 @@ NETS = {
     "specify at least one point of the part": lambda: best(points=np.empty((3, 0))),
     "points must be finite numbers": lambda: best(points=np.zeros((2, 4))),
     "search cell must be a positive length": lambda: best(search_cell=-1.0),
-    "start: cell must be a positive length": lambda: best(cell=-1.0),
     "measure must be one of largest, mean": lambda: best(measure="median"),
     "the overlap must be .* got -1": lambda: laid(-1.0),
     "the overlap must be .* got 60": lambda: laid(60.0),
-    "the overlap must be .* got nan": lambda: laid(np.nan),
     "is closed, and parallel threads meet at a": lambda: drape.courses(
         drape.TriangleMesh(30 * POINTS, TRIANGLES), 9.0, 12.0, point=(0, 0, 30)
     ),
@@ -153,7 +149,6 @@ SURFACES = {
     "waist at least 0 and less than 1": lambda: drape.double_dome(waist=1.0),
     "triangles must be": lambda: drape.TriangleMesh(POINTS[:, :9], TRIANGLES[:, :0]),
     "undefined vertex": lambda: drape.TriangleMesh(POINTS, TRIANGLES + 1),
-    "has a corner at": lambda: drape.TriangleMesh(POINTS * np.nan, TRIANGLES),
     "finite": lambda: drape.TriangleMesh(POINTS[:2], TRIANGLES),
     "vertices, but at least": lambda: drape.TriangleMesh(POINTS, TRIANGLES[:, :2]),
     "shape": mesh_of([0, 0, 0], np.zeros((2, 3))),
@@ -247,10 +242,7 @@ def test_plies_that_nothing_holds_or_that_cannot_stay_are_refused():
 @pytest.fixture(scope="module")
 def sheet():
     """A ply of 100 mm on the cylinder."""
-    s = np.linspace(0, 100, 13)
-    ply = Ply(MeshQuad.init_tensor(s, s), Fabric(1e4, 0.1), dimension=3)
-    u = drape.displacement(ply.nodes, rolled(ply.nodes))
-    return drape.Sheet.of_ply(ply, u)
+    return drape.Sheet.of_ply(*rolled_ply(12))
 
 
 def circle(n=60, radius=30.0, middle=50.0):
@@ -264,13 +256,9 @@ def flat_part():
 
 
 BACK = np.array([50 + 30 * np.cos(TURN), 25 + 15 * np.cos(TURN)])
-TINY = 1e-300 * np.array([[0, 0, 1], [0, 1, 0], [0, 0, 0]])
 PATTERNS = [
     (rolled(circle(middle=80.0)), None, r"does not lie on \d+ of \d+ points"),
-    (rolled(circle()) * 1e15, None, r"does not lie on \d+ of 60 points"),
     (rolled(circle()) * 1e305, None, r"does not lie on \d+ of 60 points"),
-    (rolled(circle(radius=1e-300)), None, "at least three distinct points"),
-    (TINY, None, "no area"),
     (rolled(BACK), None, "encloses no area"),
     (rolled(circle(4)), None, "specify more points"),
     (rolled(circle()), 1e-5, r"1.88e\+07 points, but at most 1000000"),
@@ -279,14 +267,12 @@ PATTERNS = [
     (np.full((3, 9), np.nan), None, "finite numbers"),
     (np.ones((3, 9)), None, "at least three distinct points"),
     (rolled(circle()), 0.0, "spacing must be a positive length"),
-    (rolled(circle()), np.inf, "spacing must be a positive length"),
     *(
         (rolled(curve), None, r"crosses itself at \(.*a curve that")
         for curve in (
             50 + 30 * np.array([np.sin(2 * TURN + 0.01), np.sin(TURN)]),
             50 + 30 * np.array([np.sin(2 * TURN), np.sin(TURN)]),  # a point twice
             np.tile(circle(40), 2),
-            np.hstack([circle(40), circle(40, radius=20.0)]),
         )
     ),
 ]
@@ -404,9 +390,7 @@ def test_settings_that_do_not_fit_a_tool_are_refused(message):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("hemisphere", "--width", "-5"), "the width must be positive"),
         (("hemisphere", "--fibres", "nan"), "--fibres must be a finite number"),
-        (("hemisphere", "--fibres", "20", "--part", "quarter"), "use the whole ply"),
         (("hemisphere", "--part", "half"), "invalid choice: 'half'"),
         (
             ("hemisphere", "--width", "320", "--height", "320"),
@@ -417,7 +401,6 @@ def test_settings_that_do_not_fit_a_tool_are_refused(message):
             "shear.wrinkling_angle_deg must be a number <= 90",
         ),
         (("saddle", "--rotate", "10"), "unrecognized arguments: --rotate 10"),
-        (("cylinder", "--tension", "-1"), "edge tension must be 0 or positive"),
     ],
 )
 def test_bad_options_of_a_scene_are_refused(options, reason, tmp_path, capsys):
@@ -482,7 +465,6 @@ def test_invalid_tools_are_refused(tmp_path, capsys):
         (("--part-mesh", "none.stl"), "--part-mesh none.stl: no such file"),
         (("--trim", "none.csv"), "--trim none.csv: no such file"),
         (("--trim", "CURVE"), "curve.csv: the curve has 2 different points, but at"),
-        (("--width", "-5"), "the width must be positive"),
     ],
 )
 def test_bad_options_of_a_tool_are_refused(tool, options, reason, tmp_path, capsys):

@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, drape
+from skfem_textile import drape
 from skfem_textile.io import read_surface
-from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
+from skfem_textile.scenes import hemisphere
 from skfem_textile.scenes.drape import contact_point
 from tests.helpers import tool_shapes
-from tests.helpers.tools import bump_height, plate, write_sphere
+from tests.helpers.tools import bump_height, case_of, plate, write_sphere
 
 pytestmark = pytest.mark.usefixtures("no_interval", "coarse_net")
 
 
 def run(scene):
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    case = Case(scene=scene, fabric=fabric, steps=1)
+    case = case_of(scene, 5.0)
     result = case.run()
     return result, case.summary(result)
 
