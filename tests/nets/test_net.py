@@ -25,21 +25,6 @@ def test_a_net_on_the_sphere_converges_to_the_chebyshev_net():
     np.testing.assert_allclose(corner, [0.70662, 0.70662, -1.03700], atol=2e-4)
 
 
-def test_a_net_and_its_mirror_image_agree():
-    whole = drape.net(SPHERE, 5.0, (8, 8), (8, 8)).positions
-    np.testing.assert_allclose(whole[0], -whole[0][::-1], atol=1e-9)
-    np.testing.assert_allclose(whole[[1, 0, 2]], whole.swapaxes(1, 2), atol=1e-9)
-
-
-@pytest.mark.parametrize("angles", [(0.0, np.pi / 2), ANGLES])
-def test_a_net_on_a_cylinder_is_not_sheared(angles):
-    net = drape.net(CYLINDER, 6.0, (4, 7), (5, 8), angles=angles)
-    np.testing.assert_allclose(net.shear_angle(), 0.0, atol=1e-10)
-    for axis in (1, 2):
-        rods = np.linalg.norm(np.diff(net.positions, axis=axis), axis=0)
-        np.testing.assert_allclose(rods, 6.0, rtol=1e-10)
-
-
 @pytest.mark.parametrize(
     ("surface", "settings"),
     [

@@ -214,19 +214,6 @@ def test_families_without_crimp_have_separate_laws(formulation):
         )
 
 
-def test_stretching_the_weft_stiffens_the_warp():
-    """At a warp strain of 1 %, for three ratios of strains."""
-    law = CrimpInterchange(*PARAMETERS["balanced"])
-    tensions = [
-        stretched(law, Macro(), "irregular", 0.01, weft)
-        .states[-1]
-        .reactions["right"][0]
-        for weft in (-0.01, 0.0, 0.01)
-    ]
-    assert tensions[1] > 1.3 * tensions[0]
-    assert tensions[2] > 1.3 * tensions[1]
-
-
 # Stretch of a crimped fabric along the bisector of its fibres
 
 
