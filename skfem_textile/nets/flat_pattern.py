@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from ..mesh.overlap import Boundary, overlap_of, signed_areas
 from ..mesh.requirements import require
-from ..mesh.user_input import coords, real_numbers
-from ..surfaces.analytic import positive_length
+from ..mesh.user_input import coords
+from ..surfaces.analytic import points_in_space, positive_length
 from ..surfaces.tool_mesh import curve_length, unit
 from .crossings import Net, corners
 from .laying import Status
@@ -251,9 +251,7 @@ def refuse_crossing(outline: ndarray, points: ndarray) -> None:
 
 def _closed(curve: ArrayLike) -> ndarray:
     """Points of a closed curve without consecutive duplicates."""
-    points = real_numbers("flat pattern: curve", curve)
-    if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
-        raise ValueError("flat pattern: curve must be finite numbers of shape (3, n)")
+    points = points_in_space("flat pattern: curve", curve)
     points = points[:, (points != np.roll(points, -1, axis=1)).any(axis=0)]
     if points.shape[1] < 3:
         raise ValueError("flat pattern: curve must have at least three distinct points")

@@ -14,7 +14,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import coords, real_numbers
-from ..surfaces.analytic import positive_length
+from ..surfaces.analytic import positive_length, three_numbers
 from ..surfaces.surface import Surface, onto, tangents
 from .crossings import Net, filled_at_seams, quadrant_of, up_to, with_corners
 from .laying import (
@@ -221,9 +221,7 @@ def start_of(
 ) -> Start:
     """Start of a net on a surface, and on the curves of its first threads."""
     curves = [None if curve is None else curve_points(curve) for curve in along]
-    place = real_numbers("net: point", point)
-    if place.shape != (3,) or not np.isfinite(place).all():
-        raise ValueError(f"net: the start must be three finite numbers, got {point!r}")
+    place = three_numbers("net: the start", point)
     for curve in curves:
         if curve is None:
             continue

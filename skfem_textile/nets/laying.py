@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..mesh.bases import cross
 from ..mesh.user_input import coords, real_numbers
+from ..surfaces.analytic import points_in_space
 from ..surfaces.surface import Surface
 from ..surfaces.tool_mesh import unit
 
@@ -408,11 +409,7 @@ def curve_points(curve: ArrayLike) -> ndarray:
     ValueError
         If there are fewer than two distinct points, or one is not finite.
     """
-    points = real_numbers("net: curve of a first thread", curve)
-    if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
-        raise ValueError(
-            "net: the curve of a first thread must be finite numbers of shape (3, n)"
-        )
+    points = points_in_space("net: the curve of a first thread", curve)
     apart = (points[:, 1:] != points[:, :-1]).any(axis=0)
     points = points[:, np.append(True, apart)]
     if points.shape[1] < 2:

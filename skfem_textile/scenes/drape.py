@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from ..declarations import scenes as declared
@@ -17,6 +18,7 @@ from ..mesh.graph import boundary_edges, components, edges_of
 from ..mesh.overlap import signed_areas
 from ..mesh.user_input import coords
 from ..nets.crossings import Net
+from ..surfaces.analytic import three_numbers
 from ..surfaces.surface import Axes, OffSurfaceError, onto
 from ..surfaces.tool_mesh import ToolMesh
 from ..surfaces.triangle_mesh import TriangleMesh
@@ -85,10 +87,7 @@ def contact_point(tool: TriangleMesh, point: Sequence[float] | None = None) -> n
     ValueError
         If the tool has no such point.
     """
-    if point is None:
-        foot = _highest(tool)
-    else:
-        foot = _on_tool(tool, np.asarray(point, dtype=float))
+    foot = _highest(tool) if point is None else _on_tool(tool, point)
     if tool.beyond_edges(foot[:, None])[0] > 0:
         raise ValueError(
             f"drape: the contact point of the ply, {coords(foot)} mm, is outside all "
@@ -115,13 +114,9 @@ def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
         )
 
 
-def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
+def _on_tool(tool: TriangleMesh, point: ArrayLike) -> ndarray:
     """Point on a tool that is nearest to a given point."""
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise ValueError(
-            "drape: the contact point must be three finite numbers, got "
-            f"{point.tolist()}"
-        )
+    point = three_numbers("drape: the contact point", point)
     near = tool.facets.longest_edges().max()
     try:
         with np.errstate(all="ignore"):  # distant points are refused

@@ -19,7 +19,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from .. import declarations as declared
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers, shortened
 
 #: Three components.
 Vector: TypeAlias = ArrayLike
@@ -41,7 +41,7 @@ class Plane(declared.Plane):
     """
 
     def __post_init__(self) -> None:
-        _check(self, "plane", point=_vector, normal=_unit)
+        _check(self, "plane", point=three_numbers, normal=_unit)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
@@ -69,7 +69,7 @@ class Sphere(declared.Sphere):
     """
 
     def __post_init__(self) -> None:
-        _check(self, "sphere", radius=positive_length, centre=_vector)
+        _check(self, "sphere", radius=positive_length, centre=three_numbers)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
@@ -163,7 +163,9 @@ class Cylinder(declared.Cylinder, OfRevolution):
     """
 
     def __post_init__(self) -> None:
-        _check(self, "cylinder", radius=positive_length, point=_vector, axis=_unit)
+        _check(
+            self, "cylinder", radius=positive_length, point=three_numbers, axis=_unit
+        )
 
     def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         zero = np.zeros_like(r)
@@ -185,7 +187,7 @@ class Cone(declared.Cone, OfRevolution):
     """
 
     def __post_init__(self) -> None:
-        _check(self, "cone", angle=_acute, point=_vector, axis=_unit)
+        _check(self, "cone", angle=_acute, point=three_numbers, axis=_unit)
 
     def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         c, s, zero = np.cos(self.angle), np.sin(self.angle), np.zeros_like(r)
@@ -210,7 +212,7 @@ class Torus(declared.Torus, OfRevolution):
 
     def __post_init__(self) -> None:
         _check(self, "torus", radius=positive_length, tube=positive_length)
-        _check(self, "torus", point=_vector, axis=_unit)
+        _check(self, "torus", point=three_numbers, axis=_unit)
         if self.tube >= self.radius:
             raise ValueError(
                 f"torus: tube must be smaller than radius, got {self.tube:g} mm and "
@@ -240,17 +242,18 @@ def _acute(what: str, value: ArrayLike) -> float:
     return angle
 
 
-def _vector(what: str, value: Vector) -> ndarray:
+def three_numbers(what: str, value: Vector) -> ndarray:
     """Finite vector of three components."""
     vector = real_numbers(what, value)
     if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError(f"{what} must be three finite numbers, got {value!r}")
+        text = shortened(value)
+        raise ValueError(f"{what} must be three finite numbers, got {text}")
     return vector
 
 
 def _unit(what: str, value: Vector) -> ndarray:
     """Unit vector along a nonzero vector."""
-    vector = _vector(what, value)
+    vector = three_numbers(what, value)
     if not vector.any():
         raise ValueError(f"{what} must not be zero")
     vector = vector / np.abs(vector).max()
@@ -263,6 +266,14 @@ def positive_length(what: str, value: ArrayLike) -> float:
     if number.shape or not (np.isfinite(number) and number > 0):
         raise ValueError(f"{what} must be a positive length in mm, got {value!r}")
     return float(number)
+
+
+def points_in_space(what: str, value: ArrayLike) -> ndarray:
+    """Finite points, shape (3, n)."""
+    points = real_numbers(what, value)
+    if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
+        raise ValueError(f"{what} must be finite numbers of shape (3, n)")
+    return points
 
 
 class Height(NamedTuple):
@@ -425,7 +436,7 @@ class Punch(declared.Punch, OfRevolution):
     """
 
     def __post_init__(self) -> None:
-        _check(self, "punch", radius=positive_length, point=_vector, axis=_unit)
+        _check(self, "punch", radius=positive_length, point=three_numbers, axis=_unit)
 
     def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         # Distance from the axis of the shaft, or from the centre above it.
@@ -478,7 +489,7 @@ class Die(declared.Die, OfRevolution):
 
     def __post_init__(self) -> None:
         _check(self, "die", radius=positive_length, fillet=positive_length)
-        _check(self, "die", point=_vector, axis=_unit)
+        _check(self, "die", point=three_numbers, axis=_unit)
 
     def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         distance, slope, bend = _rounded(r, self.radius)
