@@ -390,14 +390,6 @@ def test_surfaces_that_fail_beside_the_nodes_are_refused(surface, message, cause
     assert isinstance(error.value.__cause__, cause)
 
 
-def test_a_surface_that_fails_beside_the_nodes_has_no_checkpoint(tmp_path):
-    surface = OnSurface(Limited(KeyError, lambda x: x[0].max() > 100))
-    held = {"tool": surface, "x": Condition([0], (0.0, 0.0, None))}
-    options = {"checkpoint": tmp_path / "run"}
-    with pytest.raises(ValueError, match=f"'tool': {RAISED} KeyError: 'beyond"):
-        LoadStepper(ply(bending=(5.0, 5.0)), held, 1, **options).run()
-
-
 @pytest.mark.parametrize(("error", "low"), [(RuntimeError, -2), (KeyError, -30)])
 def test_a_run_stops_at_the_last_state_before_its_surface_ends(error, low):
     """In an iteration, or in the prediction along geodesics."""
