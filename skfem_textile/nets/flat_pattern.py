@@ -522,9 +522,7 @@ def _tip(one: ndarray, other: ndarray, length: float) -> ndarray:
 def _located(laid: "NetWithDarts", x: ndarray, side: int) -> ndarray:
     """Flat points of points x on one side of the seam, (2, n); NaN beyond the net."""
     sheet = laid.sheet(side)
-    places, flat = sheet.at(x), np.full((2, x.shape[1]), np.nan)
-    flat[:, places.found] = sheet.flat_at(places)[:, places.found]
-    return flat
+    return sheet.flat_at(sheet.at(x))
 
 
 def _flat(laid: "NetWithDarts", x: ndarray, number: ndarray) -> ndarray:

@@ -276,7 +276,7 @@ class _Front:
             laid = np.flatnonzero(status == Status.LAID)
             label, beyond = self._seams.labels(x[:, laid], seams[:, laid])
             new.seams[row[laid], i[laid]] = label
-            beyond = (beyond > 0) | self._seams.in_spots(x[:, laid])
+            beyond |= self._seams.in_spots(x[:, laid])
             status[laid[beyond]] = Status.SEAM
         new.status[row, i] = status
         laid = status == Status.LAID

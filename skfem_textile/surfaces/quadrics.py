@@ -7,10 +7,11 @@ Multi-level partition of unity implicits, ACM Trans.  Graph.  22:463).
 """
 
 from copy import copy
-from itertools import chain
 
 import numpy as np
 from numpy import ndarray
+
+from .tool_mesh import pairs_of
 
 # Number of points to which the six coefficients of a quadric are fitted: two rings of
 # neighbours and more on a regular mesh.
@@ -88,7 +89,9 @@ class Quadrics:
         count = np.where(self._listed, count, 0)
         self._start = np.cumsum(count) - count
         at = np.repeat(np.arange(len(points)), count)
-        near = _flat(self._tree.query_ball_point(points[self._listed], within[-1]))
+        _, near = pairs_of(
+            self._tree.query_ball_point(points[self._listed], within[-1])
+        )
         away = np.linalg.norm(points[at] - points[near], axis=1)
         self._near = near[np.lexsort([away, at])]
         self._counts = np.array(
@@ -166,7 +169,7 @@ class Quadrics:
             for some in _blocks(numbers, count):
                 n, first, at = count[some], nearest[some], x[:, some]
                 if numbers is far:
-                    near = _flat(self._tree.query_ball_point(at.T, reach[some]))
+                    _, near = pairs_of(self._tree.query_ball_point(at.T, reach[some]))
                 else:
                     shift = self._start[first] - (np.cumsum(n) - n)
                     near = self._near[np.arange(n.sum()) + np.repeat(shift, n)]
@@ -249,11 +252,6 @@ class Quadrics:
 # Second derivatives xx, yy, zz, yz, xz, xy in a matrix, and their numbers in it.
 _UPPER = [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]
 _SYMMETRIC = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-
-
-def _flat(lists: ndarray) -> ndarray:
-    """Concatenate an array of lists of integers."""
-    return np.fromiter(chain.from_iterable(lists), dtype=np.int64)
 
 
 def _blocks(numbers: ndarray, count: ndarray) -> list[ndarray]:

@@ -14,6 +14,7 @@ from ..mesh.checks import MeshError
 from ..mesh.graph import boundary_edges, components, edges_once
 from ..mesh.user_input import coords
 from .holes import of_outer_edges, parts_of, turning
+from .tool_mesh import pairs_of
 
 # Distance, relative to the extent, below which vertices coincide: single precision.
 _ONE = 1e-6
@@ -200,10 +201,8 @@ def _on_open_edges(
     near = KDTree(x[vertices]).query_ball_point(
         (begin + end) / 2, (0.5 + _ON_EDGE) * length
     )
-    sizes = np.fromiter(map(len, near), dtype=int, count=len(near))
-    edge = np.repeat(np.arange(len(near)), sizes)
-    flat = [number for own in near for number in own]
-    vertex = vertices[np.array(flat, dtype=int)]
+    edge, number = pairs_of(near)
+    vertex = vertices[number]
     along, off = (end - begin)[edge], x[vertex] - begin[edge]
     share = (along * off).sum(axis=1) / length[edge] ** 2
     away = np.linalg.norm(off - share[:, None] * along, axis=1)

@@ -112,6 +112,13 @@ def edge_lengths(positions: ndarray, elements: ndarray) -> ndarray:
     return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
 
 
+def pairs_of(lists: ndarray) -> tuple[ndarray, ndarray]:
+    """Pairs of the index of a list and a number in it, of lists of integers."""
+    counts = np.fromiter(map(len, lists), dtype=int, count=len(lists))
+    numbers = np.fromiter(chain.from_iterable(lists), dtype=int)
+    return np.repeat(np.arange(len(lists)), counts), numbers
+
+
 class ElementTree:
     """Search trees for elements near points, by corners of shape (3, n_corners, n).
 
@@ -139,10 +146,8 @@ class ElementTree:
         pairs = []
         for part, tree in self._trees:
             near = tree.query_ball_point(points.T, self.radii[part].max() + most)
-            counts = np.array([len(close) for close in near], dtype=int)
-            point = np.repeat(np.arange(points.shape[1]), counts)
-            element = part[np.fromiter(chain.from_iterable(near), dtype=int)]
-            pairs.append((point, element))
+            point, number = pairs_of(near)
+            pairs.append((point, part[number]))
         point, element = np.hstack(pairs)
         order = np.lexsort([element, point])
         return point[order], element[order]

@@ -45,6 +45,7 @@ def test_the_shear_of_nets_on_developable_surfaces_converges_to_zero(surface, se
 
 def test_points_between_crossings_are_interpolated():
     net = drape.net(SPHERE, 5.0, (4, 8), (3, 8), angles=ANGLES, touch=(0.0, 0.0))
+    assert net.status.shape == (4 + 8 + 1, 3 + 8 + 1)
     flat = np.einsum("ij,jab->iab", net.directions, np.array(np.meshgrid(*net.along)))
     x = net.at(flat.reshape(2, -1)).reshape(3, *flat.shape[1:])
     np.testing.assert_allclose(x, net.positions.swapaxes(1, 2), atol=1e-9)

@@ -128,6 +128,12 @@ def test_the_middle_of_a_flat_top_is_its_centroid(tool, top):
         np.testing.assert_allclose(contact_point(tool), top, atol=1e-3)
 
 
+def test_a_patch_of_a_tenth_of_a_metre_fits_a_tool_of_ten_metres():
+    tool = drape.TriangleMesh(*plate(5e3, 15, lambda x, y: 0 * x))
+    scene = on_tool(tool, width=100.0, height=100.0, size=(2, 2))
+    np.testing.assert_allclose(np.ptp(scene.mesh.p, axis=1), 100.0)
+
+
 def test_a_hole_of_the_tool_is_beyond_its_edges():
     x, t = plate(height=lambda x, y: 0 * x)
     solid = np.hypot(*x[:2, t].mean(axis=1) - [[50], [0]]) > 20

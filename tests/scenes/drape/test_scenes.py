@@ -96,7 +96,7 @@ def test_exchanging_warp_and_weft_changes_the_bridging_of_a_saddle():
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 1), (2, 8), (3, 3), (5, 4)])
 def test_a_whole_ply_is_held_by_three_nodes_however_coarse_its_mesh(size):
-    scene = hemisphere(size=size, part="whole")
+    scene = hemisphere(size=size, part="whole", width=200.0, height=80.0)
     names = "middle_x", "turn_left", "turn_right"
     nodes = [scene.conditions[name].where[0] for name in names]
     assert len(set(nodes)) == 3
@@ -105,6 +105,9 @@ def test_a_whole_ply_is_held_by_three_nodes_however_coarse_its_mesh(size):
     if size != (1, 2):  # where the opposite node is the middle one
         np.testing.assert_allclose(left, -right)
     assert np.hypot(*middle) == np.hypot(*scene.mesh.p).min()
+    beside = scene.mesh.p[:, scene.mesh.p[0] > 1e-6]
+    away = np.hypot(*(beside - [[50.0], [0.0]]))
+    assert np.hypot(*(right - [50.0, 0.0])) == away.min()
 
 
 def test_the_summary_without_tension_and_bending_denies_a_net():
