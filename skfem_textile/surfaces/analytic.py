@@ -28,8 +28,18 @@ Vector: TypeAlias = ArrayLike
 TINY = 1e-300
 
 
+class _Checked:
+    """Surface whose parameters are checked by their names, see `_CHECKS`."""
+
+    def __post_init__(self) -> None:
+        for key, check in _CHECKS.items():
+            if hasattr(self, key):
+                what = f"{type(self).__name__.lower()}: {key}"
+                object.__setattr__(self, key, check(what, getattr(self, key)))
+
+
 @dataclass(frozen=True, eq=False)
-class Plane(declared.Plane):
+class Plane(declared.Plane, _Checked):
     """Plane through a point, with φ as the height above it.
 
     Parameters
@@ -39,9 +49,6 @@ class Plane(declared.Plane):
     normal
         Normal of any length.
     """
-
-    def __post_init__(self) -> None:
-        _check(self, "plane", point=three_numbers, normal=_unit)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
@@ -57,7 +64,7 @@ class Plane(declared.Plane):
 
 
 @dataclass(frozen=True, eq=False)
-class Sphere(declared.Sphere):
+class Sphere(declared.Sphere, _Checked):
     """Sphere, with φ as the distance from it.
 
     Parameters
@@ -67,9 +74,6 @@ class Sphere(declared.Sphere):
     centre
         Centre in mm.
     """
-
-    def __post_init__(self) -> None:
-        _check(self, "sphere", radius=positive_length, centre=three_numbers)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
@@ -90,7 +94,7 @@ class Sphere(declared.Sphere):
         return x - np.asarray(self.centre)[:, None]
 
 
-class OfRevolution:
+class OfRevolution(_Checked):
     """Surface of revolution, φ = f(r, z), by the derivatives of f.
 
     With the radial, axial and circumferential unit vectors e_r, e_z and e_t the Hessian
@@ -162,11 +166,6 @@ class Cylinder(declared.Cylinder, OfRevolution):
         Direction of the axis.
     """
 
-    def __post_init__(self) -> None:
-        _check(
-            self, "cylinder", radius=positive_length, point=three_numbers, axis=_unit
-        )
-
     def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         zero = np.zeros_like(r)
         return r - self.radius, zero + 1, zero, zero, zero, zero
@@ -185,9 +184,6 @@ class Cone(declared.Cone, OfRevolution):
     axis
         Direction from the apex along the axis into the cone.
     """
-
-    def __post_init__(self) -> None:
-        _check(self, "cone", angle=_acute, point=three_numbers, axis=_unit)
 
     def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         c, s, zero = np.cos(self.angle), np.sin(self.angle), np.zeros_like(r)
@@ -211,8 +207,7 @@ class Torus(declared.Torus, OfRevolution):
     """
 
     def __post_init__(self) -> None:
-        _check(self, "torus", radius=positive_length, tube=positive_length)
-        _check(self, "torus", point=three_numbers, axis=_unit)
+        super().__post_init__()
         if self.tube >= self.radius:
             raise ValueError(
                 f"torus: tube must be smaller than radius, got {self.tube:g} mm and "
@@ -225,13 +220,6 @@ class Torus(declared.Torus, OfRevolution):
         c, s = off / away, z / away
         of_second = s * s / away, -c * s / away, c * c / away
         return away - self.tube, c, s, *of_second
-
-
-def _check(surface: object, name: str, **checks: Callable[[str, Any], Any]) -> None:
-    """Replace parameters of a surface by those that their checks return."""
-    for key, check in checks.items():
-        value = check(f"{name}: {key}", getattr(surface, key))
-        object.__setattr__(surface, key, value)
 
 
 def _acute(what: str, value: ArrayLike) -> float:
@@ -266,6 +254,14 @@ def positive_length(what: str, value: ArrayLike) -> float:
     if number.shape or not (np.isfinite(number) and number > 0):
         raise ValueError(f"{what} must be a positive length in mm, got {value!r}")
     return float(number)
+
+
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
+    **dict.fromkeys(("radius", "tube", "fillet"), positive_length),
+    **dict.fromkeys(("point", "centre"), three_numbers),
+    **dict.fromkeys(("axis", "normal"), _unit),
+    "angle": _acute,
+}
 
 
 def points_in_space(what: str, value: ArrayLike) -> ndarray:
@@ -435,9 +431,6 @@ class Punch(declared.Punch, OfRevolution):
     array([2., 4.])
     """
 
-    def __post_init__(self) -> None:
-        _check(self, "punch", radius=positive_length, point=three_numbers, axis=_unit)
-
     def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         # Distance from the axis of the shaft, or from the centre above it.
         above = np.maximum(z, 0.0)
@@ -486,10 +479,6 @@ class Die(declared.Die, OfRevolution):
     >>> die.level(np.array([[120.0, 82.0], [0.0, 0.0], [-2.0, 2.0]])).round(4)
     array([2.    , 1.3137])
     """
-
-    def __post_init__(self) -> None:
-        _check(self, "die", radius=positive_length, fillet=positive_length)
-        _check(self, "die", point=three_numbers, axis=_unit)
 
     def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         distance, slope, bend = _rounded(r, self.radius)
