@@ -56,7 +56,7 @@ from ..surfaces.surface import (
 )
 from .edge_tension import AROUND, CELLS, EdgeTension, edge_net
 from .rectangle import flat_ply, half_way, in_planes, misfit
-from .scene import Scene, unknown
+from .scene import Scene, at_centres, unknown
 
 log = logging.getLogger(__name__)
 
@@ -242,11 +242,9 @@ def shear_errors(
     result: Result, exact: Callable[[ndarray, float], ndarray]
 ) -> dict[str, float]:
     """Deviation of shear angles at the centres of elements from exact ones."""
-    ply, t = result.ply, result.states[-1].load_factor
-    X = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
-    expected = exact(X, t)
-    off = np.degrees(ply.shear_angle(result.u, ply.centre)[:, 0] - expected)
-    area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
+    X, angle, area = at_centres(result)
+    expected = exact(X, result.states[-1].load_factor)
+    off = np.degrees(angle - expected)
     return {
         "exact_max_shear_angle_deg": float(np.degrees(np.abs(expected).max())),
         "shear_angle_error_max_deg": float(np.abs(off).max()),
