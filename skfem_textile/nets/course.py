@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.graph import boundary_edges, edges_once
+from ..mesh.graph import boundary_edges, edges_of
 from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import onto
@@ -149,8 +149,8 @@ def _refuse_closed(tool: TriangleMesh) -> None:
     zero, as for a torus.
     """
     triangles = tool.facets.triangles()
-    _, first, *_ = edges_once([triangles])
-    euler = np.unique(triangles).size - first.size + triangles.shape[1]
+    edges, _ = edges_of([triangles])
+    euler = np.unique(triangles).size - edges.shape[1] + triangles.shape[1]
     if euler and not boundary_edges([triangles]).size:
         raise ValueError(
             "courses: the tool is closed, and parallel threads meet at a point of it, "
