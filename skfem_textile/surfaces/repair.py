@@ -502,7 +502,7 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
         )
     part = np.unique(np.minimum(side[:n], side[n:]), return_inverse=True)[1].reshape(-1)
     turned = side[:n] > side[n:]
-    vectors = area_vectors(x, triangles) / 2
+    vectors = area_vectors(x, triangles)
     area, signs = np.linalg.norm(vectors, axis=1), np.where(turned, -1, 1)
     flat = np.bincount(part, area) <= 0
     if flat.any():

@@ -142,9 +142,16 @@ def test_faces_of_different_triangles_are_sewn_along_their_seam(sizes):
     assert not tool.beyond_edges(x).any()
 
 
-def test_triangles_that_do_not_meet_are_rejected():
-    with pytest.raises(MeshError, match="do not meet: the gaps between them"):
-        drape.TriangleMesh(*soup(*BONNET, 0.5 * EDGE))
+@pytest.mark.parametrize(
+    ("scatter", "message"),
+    [
+        (0.5, "the gaps between them"),
+        (0.16, r"3\.\d+ mm, 0\.3\d? of the mean edge, and"),
+    ],
+)
+def test_triangles_that_do_not_meet_are_rejected(scatter, message):
+    with pytest.raises(MeshError, match=f"do not meet: .*{message}"):
+        drape.TriangleMesh(*soup(*BONNET, scatter * EDGE))
 
 
 # Sides

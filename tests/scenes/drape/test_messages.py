@@ -95,8 +95,8 @@ NETS = {
     r"net: the start must be three finite.*got \(0, 0\)": lambda: on_plate(
         point=(0, 0)
     ),
-    "passes the start .* a distance of 9": lambda: on_plate(
-        warp_along=np.add(STRAIGHT, [[0], [9], [0]])
+    "passes the start .* a distance of 9 mm": lambda: on_plate(
+        point=(2, 0, 0), warp_along=np.add(STRAIGHT, [[0], [9], [0]])
     ),
     "have two distinct points": lambda: on_plate(warp_along=np.ones((3, 4))),
     r"finite numbers of shape \(3, n\)": lambda: on_plate(warp_along=np.ones((2, 4))),
