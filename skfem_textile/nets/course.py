@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.graph import boundary_edges, edges_once
+from ..mesh.graph import boundary_edges, edges_of
 from ..mesh.user_input import coords
 from ..surfaces.analytic import positive_length
 from ..surfaces.surface import onto
@@ -109,14 +109,14 @@ def courses(
     _refuse_closed(tool)
     half, inside = across // 2, min(round(overlap / cell), across - 1)
     middle = net(tool, cell, weft=(half, across - half), **start)
-    laid = [middle]
+    laid, begin = [middle], middle.positions[:, *middle.start]
     settings = {k: v for k, v in start.items() if k not in _OF_START}
     for side in (1, -1):
         last = middle
         counts = (0, across) if side > 0 else (across, 0)
         while (thread := _thread(tool, laid, last, side, inside)) is not None:
             on_tool = thread[:, tool.beyond_edges(thread) == 0]
-            away = np.linalg.norm(on_tool - _start(middle)[:, None], axis=0)
+            away = np.linalg.norm(on_tool - begin[:, None], axis=0)
             last = net(
                 tool,
                 cell,
@@ -133,9 +133,9 @@ def courses(
     # A strip with one thread on the tool covers nothing but the tolerance of its edge.
     kept = [k for k, of in enumerate(patterns) if of.outline.shape[1] > 2]
     laid, patterns = [laid[k] for k in kept], [patterns[k] for k in kept]
-    begin = next(k for k, strip in enumerate(laid) if strip is middle)
+    first = next(k for k, strip in enumerate(laid) if strip is middle)
     for k in range(len(laid) - 1):
-        lines = (-1 - inside, 0) if k >= begin else (-1, inside)
+        lines = (-1 - inside, 0) if k >= first else (-1, inside)
         for n, line in zip((k, k + 1), lines, strict=True):
             seam = SeamLine(k + 1, *_on_tool(tool, laid[n], line))
             patterns[n] = replace(patterns[n], seams=(*patterns[n].seams, seam))
@@ -149,8 +149,8 @@ def _refuse_closed(tool: TriangleMesh) -> None:
     zero, as for a torus.
     """
     triangles = tool.facets.triangles()
-    _, first, *_ = edges_once([triangles])
-    euler = np.unique(triangles).size - first.size + triangles.shape[1]
+    edges, _ = edges_of([triangles])
+    euler = np.unique(triangles).size - edges.shape[1] + triangles.shape[1]
     if euler and not boundary_edges([triangles]).size:
         raise ValueError(
             "courses: the tool is closed, and parallel threads meet at a point of it, "
@@ -160,11 +160,6 @@ def _refuse_closed(tool: TriangleMesh) -> None:
 
 # Options of `net` for the middle course alone.
 _OF_START = ("point", "first", "warp_along", "weft_along")
-
-
-def _start(laid: Net) -> ndarray:
-    i, j = laid.start
-    return laid.positions[:, i, j]
 
 
 def _thread(
@@ -199,14 +194,10 @@ def _outline(tool: TriangleMesh, laid: Net) -> FlatPattern:
     on[status] = tool.beyond_edges(x[:, status]) == 0
     threads = np.flatnonzero(on.any(axis=0))
     first, last = on.argmax(axis=0), len(on) - 1 - on[::-1].argmax(axis=0)
-    both = np.hstack([first[threads], last[threads]])
-    steps = np.repeat([-1, 1], len(threads))
-    flat, on_tool = _end(tool, laid, np.tile(threads, 2), both, steps)
     ends = []
-    for at, *of in zip(
-        (first, last), np.split(flat, 2, 1), np.split(on_tool, 2, 1), strict=True
-    ):
-        ends.append(_with_sides(tool, laid, threads, at, *of))
+    for at, step in ((first, -1), (last, 1)):
+        end = _end(tool, laid, threads, at[threads], step)
+        ends.append(_with_sides(tool, laid, threads, at, *end))
     flat, on_tool = (
         np.hstack([one, other[:, ::-1]]) for one, other in zip(*ends, strict=True)
     )
@@ -220,20 +211,21 @@ def _on_tool(tool: TriangleMesh, laid: Net, thread: int) -> tuple[ndarray, ndarr
     on = known[tool.beyond_edges(x[:, known]) == 0]
     s, t = laid.along[0][on], np.full(len(on), laid.along[1][thread])
     flat = laid.directions @ np.array([s, t]) + laid.touch[:, None]
-    last = _end(tool, laid, np.full(2, thread), on[[0, -1]], np.array([-1, 1]))
-    ends = [tuple(of[:, [k]] for of in last) for k in (0, 1)]
-    # Crossings within the tolerance of the edges are beyond them.
-    along, begin, end = (
-        laid.directions[:, 0] @ of for of in (flat, *(one for one, _ in ends))
+    first, last = (
+        _end(tool, laid, np.array([thread]), on[[k]], step)
+        for k, step in ((0, -1), (-1, 1))
     )
+    # Crossings within the tolerance of the edges are beyond them.
+    along, begin, end = (laid.directions[:, 0] @ of for of in (flat, first[0], last[0]))
     inside = (along > begin) & (along < end)
-    parts = zip(*(ends[0], (flat[:, inside], x[:, on[inside]]), ends[1]), strict=True)
-    one, other = (np.hstack(part) for part in parts)
-    return one, other
+    return (
+        np.hstack([first[0], flat[:, inside], last[0]]),
+        np.hstack([first[1], x[:, on[inside]], last[1]]),
+    )
 
 
 def _end(
-    tool: TriangleMesh, laid: Net, threads: ndarray, at: ndarray, step: ndarray
+    tool: TriangleMesh, laid: Net, threads: ndarray, at: ndarray, step: int
 ) -> tuple[ndarray, ndarray]:
     """Ends of warp threads in the flat strip, (2, n), and on the tool, (3, n)."""
     beyond = np.clip(at + step, 0, len(laid.along[0]) - 1)

@@ -531,7 +531,7 @@ class _Filling:
         self._on[*at] = self._tool.beyond_edges(x) <= self._margin
         if self._seams is not None:
             self._labels[*at], beyond = self._seams.labels(x, before)
-            self._on[*at] &= beyond <= 0
+            self._on[*at] &= ~beyond
 
 
 def _angle(a: ndarray, b: ndarray) -> ndarray:

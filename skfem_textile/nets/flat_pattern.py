@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from ..mesh.overlap import Boundary, overlap_of, signed_areas
 from ..mesh.requirements import require
-from ..mesh.user_input import coords, real_numbers
-from ..surfaces.analytic import positive_length
+from ..mesh.user_input import coords
+from ..surfaces.analytic import points_in_space, positive_length
 from ..surfaces.tool_mesh import curve_length, unit
 from .crossings import Net, corners
 from .laying import Status
@@ -251,9 +251,7 @@ def refuse_crossing(outline: ndarray, points: ndarray) -> None:
 
 def _closed(curve: ArrayLike) -> ndarray:
     """Points of a closed curve without consecutive duplicates."""
-    points = real_numbers("flat pattern: curve", curve)
-    if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
-        raise ValueError("flat pattern: curve must be finite numbers of shape (3, n)")
+    points = points_in_space("flat pattern: curve", curve)
     points = points[:, (points != np.roll(points, -1, axis=1)).any(axis=0)]
     if points.shape[1] < 3:
         raise ValueError("flat pattern: curve must have at least three distinct points")
@@ -524,9 +522,7 @@ def _tip(one: ndarray, other: ndarray, length: float) -> ndarray:
 def _located(laid: "NetWithDarts", x: ndarray, side: int) -> ndarray:
     """Flat points of points x on one side of the seam, (2, n); NaN beyond the net."""
     sheet = laid.sheet(side)
-    places, flat = sheet.at(x), np.full((2, x.shape[1]), np.nan)
-    flat[:, places.found] = sheet.flat_at(places)[:, places.found]
-    return flat
+    return sheet.flat_at(sheet.at(x))
 
 
 def _flat(laid: "NetWithDarts", x: ndarray, number: ndarray) -> ndarray:

@@ -14,13 +14,12 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import coords, real_numbers
-from ..surfaces.analytic import positive_length
+from ..surfaces.analytic import positive_length, three_numbers
 from ..surfaces.surface import Surface, onto, tangents
 from .crossings import Net, filled_at_seams, quadrant_of, up_to, with_corners
 from .laying import (
     FOLDED,
     QUADRANTS,
-    Quadrant,
     Start,
     Status,
     closest,
@@ -222,9 +221,7 @@ def start_of(
 ) -> Start:
     """Start of a net on a surface, and on the curves of its first threads."""
     curves = [None if curve is None else curve_points(curve) for curve in along]
-    place = real_numbers("net: point", point)
-    if place.shape != (3,) or not np.isfinite(place).all():
-        raise ValueError(f"net: the start must be three finite numbers, got {point!r}")
+    place = three_numbers("net: the start", point)
     for curve in curves:
         if curve is None:
             continue
@@ -336,20 +333,28 @@ def _laid(
             return np.ones(x.shape[1], dtype=bool)
         return np.asarray(beyond(x) <= _MARGIN * cell)
 
-    laid = lay(surface, starts, cell, wanted, on_tool, seams)
-    return [_joined(of, cell, flat, origin, counts) for of in laid]
+    x, status = lay(surface, starts, cell, wanted, on_tool, seams)
+    return [
+        _joined(x[:, of], status[of], cell, flat, origin, counts)
+        for of in range(len(starts))
+    ]
 
 
 def _joined(
-    quadrants: list[Quadrant],
+    x: ndarray,
+    status: ndarray,
     cell: float,
     flat: ndarray,
     touch: ndarray,
     counts: Sequence[Any],
 ) -> Net:
-    """Join four quadrants to a net with given, or else all, numbers of cells."""
-    sizes = np.array([quadrant.status.shape for quadrant in quadrants]) - 1
-    signs = np.array(QUADRANTS)
+    """Join four quadrants to a net with given, or else all, numbers of cells.
+
+    Quadrants end one row behind the last laid one.
+    """
+    laid, signs = np.isfinite(x[0]), np.array(QUADRANTS)
+    ends = [[np.flatnonzero(of.any(axis=k))[-1] for k in (1, 0)] for of in laid]
+    sizes = np.array(ends) + 1
     reach = [
         [int(sizes[signs[:, axis] == s, axis].max()) for s in (-1, 1)]
         if given is None
@@ -357,14 +362,14 @@ def _joined(
         for axis, given in enumerate(counts)
     ]
     shape = tuple(sum(sides) + 1 for sides in reach)
-    x = np.full((3, *shape), np.nan)
-    status = np.full(shape, Status.BEHIND, dtype=np.int8)
+    positions = np.full((3, *shape), np.nan)
+    statuses = np.full(shape, Status.BEHIND, dtype=np.int8)
     start = reach[0][0], reach[1][0]
-    for quadrant_signs, quadrant in zip(QUADRANTS, quadrants, strict=True):
-        own = np.s_[..., *quadrant_of(start, quadrant_signs)]
-        m, n = np.minimum(quadrant.status.shape, status[own].shape)
+    for number, (quadrant, size) in enumerate(zip(QUADRANTS, sizes, strict=True)):
+        own = np.s_[..., *quadrant_of(start, quadrant)]
+        m, n = np.minimum(size + 1, statuses[own].shape)
         part = np.s_[..., :m, :n]
-        x[own][part] = quadrant.positions[part]
-        status[own][part] = quadrant.status[part]
+        positions[own][part] = x[:, number][part]
+        statuses[own][part] = status[number][part]
     along = [cell * np.arange(-before, after + 1) for before, after in reach]
-    return Net(x, status, (along[0], along[1]), flat, touch)
+    return Net(positions, statuses, (along[0], along[1]), flat, touch)

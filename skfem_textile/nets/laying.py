@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from skfem.helpers import cross
 
 from ..mesh.user_input import coords, real_numbers
+from ..surfaces.analytic import points_in_space
 from ..surfaces.surface import Surface
 from ..surfaces.tool_mesh import unit
 
@@ -76,22 +77,6 @@ class Start:
     guides: tuple[ndarray | None, ndarray | None] = (None, None)
 
 
-@dataclass(frozen=True, eq=False)
-class Quadrant:
-    """Crossings of a quadrant from its start: m along the warp, n along the weft.
-
-    Attributes
-    ----------
-    positions
-        In mm, shape (3, m, n), NaN for crossings that were not laid.
-    status
-        `Status`, shape (m, n).
-    """
-
-    positions: ndarray
-    status: ndarray
-
-
 #: `Status` of crossings to lay, LAID or OMITTED, shape (r, k): a function of quadrant
 #: numbers, (r, 1), and numbers of cells along warp and weft, (k,).
 Wants = Callable[[ndarray, ndarray, ndarray], ndarray]
@@ -143,7 +128,7 @@ def lay(
     wanted: Wants,
     on_tool: OnTool,
     seams: "Seams | None" = None,
-) -> list[list[Quadrant]]:
+) -> tuple[ndarray, ndarray]:
     """Lay nets from several starts at once.
 
     Parameters
@@ -163,8 +148,10 @@ def lay(
 
     Returns
     -------
-    list
-        The four `QUADRANTS` of each start.
+    tuple
+        Positions in mm, shape (3, n_starts, 4, m, m), NaN for crossings that were not
+        laid, and their `Status`, (n_starts, 4, m, m).  The third axis from the end is
+        for the `QUADRANTS`, and the last two are along warp and weft from the start.
     """
     front = _Front(surface, starts, cell, wanted, on_tool, seams)
     diagonals = [front.first()]
@@ -172,8 +159,9 @@ def lay(
     while np.isfinite(diagonals[-1].x[0]).any():
         diagonals.append(front.after(before, diagonals[-1]))
         before = diagonals[-2]
-    quadrants = _assembled(diagonals)
-    return [quadrants[4 * k : 4 * k + 4] for k in range(len(starts))]
+    x, status = _assembled(diagonals)
+    shape = len(starts), 4, *status.shape[1:]
+    return x.reshape(3, *shape), status.reshape(shape)
 
 
 class _Front:
@@ -288,7 +276,7 @@ class _Front:
             laid = np.flatnonzero(status == Status.LAID)
             label, beyond = self._seams.labels(x[:, laid], seams[:, laid])
             new.seams[row[laid], i[laid]] = label
-            beyond = (beyond > 0) | self._seams.in_spots(x[:, laid])
+            beyond |= self._seams.in_spots(x[:, laid])
             status[laid[beyond]] = Status.SEAM
         new.status[row, i] = status
         laid = status == Status.LAID
@@ -379,8 +367,8 @@ def _rod_ends(
     return x, gradient, np.where(folds, Status.FOLDED, status).astype(np.int8)
 
 
-def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
-    """Assemble diagonals to quadrants, each one row longer than its laid part."""
+def _assembled(diagonals: list[_Diagonal]) -> tuple[ndarray, ndarray]:
+    """Positions and statuses of quadrants, shapes (3, r, m, m) and (r, m, m)."""
     rows, count = len(diagonals[0].on), len(diagonals)
     x = np.full((3, rows, count, count), np.nan)
     status = np.full((rows, count, count), Status.EDGE, dtype=np.int8)
@@ -397,13 +385,7 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
         for axis in (1, 2):
             behind = np.logical_or.accumulate(behind, axis)
         status[behind & edge] = follows
-    laid = np.isfinite(x[0])
-    quadrants = []
-    for row in range(rows):
-        m, n = (np.flatnonzero(laid[row].any(axis=k))[-1] + 2 for k in (1, 0))
-        part = np.s_[..., row, :m, :n]
-        quadrants.append(Quadrant(x[part], status[part]))
-    return quadrants
+    return x, status
 
 
 # Angle in degrees between two edges of an outline that meet at a corner.  Outlines of
@@ -427,11 +409,7 @@ def curve_points(curve: ArrayLike) -> ndarray:
     ValueError
         If there are fewer than two distinct points, or one is not finite.
     """
-    points = real_numbers("net: curve of a first thread", curve)
-    if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
-        raise ValueError(
-            "net: the curve of a first thread must be finite numbers of shape (3, n)"
-        )
+    points = points_in_space("net: the curve of a first thread", curve)
     apart = (points[:, 1:] != points[:, :-1]).any(axis=0)
     points = points[:, np.append(True, apart)]
     if points.shape[1] < 2:

@@ -106,15 +106,14 @@ class Seams:
         Returns
         -------
         tuple
-            Numbers, 0 before the tips, and distances beyond the seams in mm, (n,).
+            Numbers, 0 before the tips, and the mask of those beyond the seams, (n,).
         """
         number, left, known = self.nearest(x)
         side = np.where(left >= 0, 1, -1)
         for label in before:
             follows = np.abs(label) == number
             side = np.where(follows, np.sign(label), side)
-        beyond = np.where(known, np.maximum(-side * left, 0.0), 0.0)
-        return np.where(known, side * number, 0), beyond
+        return np.where(known, side * number, 0), known & (side * left < 0)
 
 
 # Step of a seam relative to a cell.

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 
 from ..fabric import kinematics as kin
 from ..mesh.graph import boundary_edges
-from ..mesh.user_input import real_numbers
 from ..ply import Ply
-from ..surfaces.analytic import positive_length
+from ..surfaces.analytic import positive_length, three_numbers
 from ..surfaces.surface import SAME_AXES, Axes
 from ..surfaces.tool_mesh import (
     Elements,
@@ -474,12 +473,9 @@ def fibres_on_ply(
 
 def _axis(axis: ArrayLike) -> ndarray:
     """A direction given by the user."""
-    given = real_numbers("fibres in space: axis", axis)
-    if given.shape != (3,) or not np.isfinite(given).all() or not given.any():
-        raise ValueError(
-            "fibres in space: axis must be a nonzero finite vector of three "
-            f"components, got {axis!r}"
-        )
+    given = three_numbers("fibres in space: axis", axis)
+    if not given.any():
+        raise ValueError("fibres in space: axis must not be zero")
     return given
 
 

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from ..mesh.progress import shown
 from ..mesh.user_input import coords
-from ..surfaces.analytic import positive_length
+from ..surfaces.analytic import points_in_space, positive_length
 from ..surfaces.surface import Axes, OffSurfaceError, onto
+from ..surfaces.tool_mesh import unit
 from ..surfaces.triangle_mesh import TriangleMesh
 from .crossings import Net, corners
 from .kinematic_net import NetStart, nets
@@ -151,7 +152,9 @@ def best_start(
             f"got {measure!r}"
         )
     rods = positive_length("best start: search cell", search_cell or cell)
-    part = tool.facets.points if points is None else np.asarray(points, dtype=float)
+    if points is None:
+        points = tool.facets.points
+    part = points_in_space("best start: points", points)
     search = _Search(tool, rods, angles, _thinned(part, seed), measure, fixed_direction)
     with shown(search.progress):
         if not others or search(search.place(others[0])[:, None])[0] > _ANGLE:
@@ -225,10 +228,8 @@ def shear_over(net: Net, points: ndarray) -> ndarray:
 
 def _slope(values: ndarray, axis: int) -> ndarray:
     """Mean of the differences to both neighbours, without those that are NaN."""
-    step = np.diff(values, axis=axis)
-    pads = [[(0, 0)] * 2, [(0, 0)] * 2]
-    pads[0][axis], pads[1][axis] = (1, 0), (0, 1)
-    sides = np.array([np.pad(step, pad, constant_values=np.nan) for pad in pads])
+    step = np.diff(values, axis=axis, prepend=np.nan, append=np.nan)
+    sides = np.array([np.delete(step, end, axis) for end in (-1, 0)])
     known = np.isfinite(sides)
     total = np.where(known, sides, 0.0).sum(axis=0)
     return np.asarray(total / np.maximum(known.sum(axis=0), 1))
@@ -236,8 +237,6 @@ def _slope(values: ndarray, axis: int) -> ndarray:
 
 def _thinned(points: ndarray, seed: int) -> ndarray:
     """Points, at most `_POINTS` of them."""
-    if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
-        raise ValueError("best start: points must be finite numbers of shape (3, n)")
     if not points.size:
         raise ValueError("best start: specify at least one point of the part")
     if points.shape[1] <= _POINTS:
@@ -292,11 +291,9 @@ class _Search:
         self._points, self._measure = points, measure
         facets = tool.facets
         self._edge = float(facets.longest_edges().mean())
-        normal = (facets.areas() * facets.normals()).sum(axis=1)
-        self._normal = normal / np.linalg.norm(normal)
+        self._normal = unit((facets.areas() * facets.normals()).sum(axis=1))
         axis = np.eye(3)[np.abs(self._normal).argmin()]
-        first = axis - self._normal * (axis @ self._normal)
-        first /= np.linalg.norm(first)
+        first = unit(axis - self._normal * (axis @ self._normal))
         self._axes = np.array([first, np.cross(self._normal, first)])
         self._vertices = facets.points
         self._tree = KDTree((self._axes @ self._vertices).T)
@@ -373,8 +370,7 @@ class _Search:
         """Points of the tool above points of the plane, shape (3, n)."""
         _, nearest = self._tree.query(x.T)
         vertex = self._vertices[:, nearest]
-        gradient = self._tool.gradient(vertex)
-        gradient = gradient / np.linalg.norm(gradient, axis=0)
+        gradient = unit(self._tool.gradient(vertex))
         step = x - self._axes @ vertex
         far = np.maximum(np.linalg.norm(step, axis=0) / self._edge, 1.0)
         away = self._axes.T @ (step / far)

@@ -9,14 +9,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from ..declarations import scenes as declared
 from ..declarations.scenes import PlyOptions
-from ..mesh.graph import boundary_edges, components
+from ..mesh.graph import boundary_edges, components, edges_of
 from ..mesh.overlap import signed_areas
 from ..mesh.user_input import coords
 from ..nets.crossings import Net
+from ..surfaces.analytic import three_numbers
 from ..surfaces.surface import Axes, OffSurfaceError, onto
 from ..surfaces.tool_mesh import ToolMesh
 from ..surfaces.triangle_mesh import TriangleMesh
@@ -85,10 +87,7 @@ def contact_point(tool: TriangleMesh, point: Sequence[float] | None = None) -> n
     ValueError
         If the tool has no such point.
     """
-    if point is None:
-        foot = _highest(tool)
-    else:
-        foot = _on_tool(tool, np.asarray(point, dtype=float))
+    foot = _highest(tool) if point is None else _on_tool(tool, point)
     if tool.beyond_edges(foot[:, None])[0] > 0:
         raise ValueError(
             f"drape: the contact point of the ply, {coords(foot)} mm, is outside all "
@@ -98,8 +97,7 @@ def contact_point(tool: TriangleMesh, point: Sequence[float] | None = None) -> n
 
 
 def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
-    a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
-    of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    of_tool = facets.area
     x, y = ply.p[:, ply.t]
     of_ply = np.abs(signed_areas(x, y)).sum()
     areas = (
@@ -116,13 +114,9 @@ def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
         )
 
 
-def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
+def _on_tool(tool: TriangleMesh, point: ArrayLike) -> ndarray:
     """Point on a tool that is nearest to a given point."""
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise ValueError(
-            "drape: the contact point must be three finite numbers, got "
-            f"{point.tolist()}"
-        )
+    point = three_numbers("drape: the contact point", point)
     near = tool.facets.longest_edges().max()
     try:
         with np.errstate(all="ignore"):  # distant points are refused
@@ -181,7 +175,7 @@ def _middle_of_top(tool: TriangleMesh) -> tuple[ndarray, bool]:
     high = np.flatnonzero(is_high)
     middle = 0.5 * (x.min(axis=1) + x.max(axis=1))
     vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
-    edges = np.hstack([triangles[:2], triangles[1:], triangles[::2]])
+    edges, _ = edges_of([triangles])
     edges = edges[:, is_high[edges].all(axis=0)]
     part = components(x.shape[1], edges)
     top = part == part[vertex]

@@ -47,6 +47,7 @@ from ..solve.result import Result, components_mm
 from ..surfaces.surface import (
     SAME_AXES,
     Axes,
+    Geodesics,
     OffSurfaceError,
     Surface,
     displacement,
@@ -55,7 +56,7 @@ from ..surfaces.surface import (
 )
 from .edge_tension import AROUND, CELLS, EdgeTension, edge_net
 from .rectangle import flat_ply, half_way, in_planes, misfit
-from .scene import Scene, unknown
+from .scene import Scene, at_centres, unknown
 
 log = logging.getLogger(__name__)
 
@@ -230,9 +231,9 @@ class _Laid:
 
     def edge_tension(self, fabric: Fabric) -> Sequence[Load]:
         """Loads of a ply of a fabric."""
-        law = fabric.shear_law if fabric.at() is fabric else None
         if not self.tension:
             return []
+        law = fabric.shear_law if fabric.at() is fabric else None
         of_ply = self.tension, self.angles, law, self.held, self.lay
         return [EdgeTension(self.on_tool, *of_ply)]
 
@@ -241,11 +242,9 @@ def shear_errors(
     result: Result, exact: Callable[[ndarray, float], ndarray]
 ) -> dict[str, float]:
     """Deviation of shear angles at the centres of elements from exact ones."""
-    ply, t = result.ply, result.states[-1].load_factor
-    X = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
-    expected = exact(X, t)
-    off = np.degrees(ply.shear_angle(result.u, ply.centre)[:, 0] - expected)
-    area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
+    X, angle, area = at_centres(result)
+    expected = exact(X, result.states[-1].load_factor)
+    off = np.degrees(angle - expected)
     return {
         "exact_max_shear_angle_deg": float(np.degrees(np.abs(expected).max())),
         "shear_angle_error_max_deg": float(np.abs(off).max()),
@@ -277,42 +276,31 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
     right = nearest(half, others[mesh.p[0, others] > off])
     left = nearest(-mesh.p[:, right[0]], others[mesh.p[0, others] < -off])
     held = {"middle_x": (middle, 0), "turn_left": (left, 1), "turn_right": (right, 1)}
+    conditions = {}
     try:
-        return {
-            held_as: Condition(
-                *(node, partial(_End(on_tool, mesh.p[:, node]).along, axis=axis)),
-                direction=np.eye(3)[axis],
-            )
-            for held_as, (node, axis) in held.items()
-        }
+        for held_as, (node, axis) in held.items():
+            X = mesh.p[:, node]
+            path = geodesics(on_tool.surface, X, on_tool.touch)
+            end = partial(_at_end, on_tool=on_tool, path=path, axis=axis)
+            end(X, 1.0)
+            conditions[held_as] = Condition(node, end, direction=np.eye(3)[axis])
     except OffSurfaceError as error:
         raise ValueError(
             f"{name}: the ply leaves the tool at {on_tool.place(error.position)}: use "
             "a smaller ply, or another contact point"
         ) from None
+    return conditions
 
 
-class _End:
-    """Motion of a node at the end of a geodesic of a growing tool.
+def _at_end(
+    X: ndarray, t: float, on_tool: OnSurface, path: Geodesics, axis: int
+) -> ndarray:
+    """Displacement along an axis of a node at the end of a geodesic, shape (1,).
 
-    The node lies at ``X``, shape (2, 1), in the flat ply.
+    On the growing tool; the node is at ``X``, (2, 1), in the flat ply.
     """
-
-    def __init__(self, on_tool: OnSurface, X: ndarray) -> None:
-        self._on_tool, self._X = on_tool, X
-        self._geodesic = geodesics(on_tool.surface, X, on_tool.touch)
-        self._last = 1.0, self._at(1.0)
-
-    def along(self, X: ndarray, t: float, axis: int) -> ndarray:
-        """Displacement along an axis, shape (1,)."""
-        if t != self._last[0]:
-            self._last = t, self._at(t)
-        return self._last[1][axis] - self._X[axis]
-
-    def _at(self, t: float) -> ndarray:
-        point = np.array([*self._on_tool.touch, 0.0])
-        x = self._geodesic.on_growing(point, t)
-        return onto(self._on_tool.at("tool", t), x)
+    x = path.on_growing(np.array([*on_tool.touch, 0.0]), t)
+    return onto(on_tool.at("tool", t), x)[axis] - X[axis]
 
 
 _NO_NET = (

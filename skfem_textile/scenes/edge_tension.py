@@ -131,7 +131,7 @@ class EdgeTension:
         Names of boundaries without tension.
     net
         Function that returns the `edge_net` of a ply of which the ply of the term may
-        be a refinement; by default it is laid for each ply.
+        be a refinement.
     """
 
     on_tool: OnSurface
@@ -139,7 +139,7 @@ class EdgeTension:
     angles: tuple[float, float]
     shear_law: Law | None
     held: tuple[str, ...]
-    net: Callable[[], Net] | None = None
+    net: Callable[[], Net]
 
     def on(self, basis: CellBasis) -> "_Tractions":
         """Term on a basis of the displacement.
@@ -157,11 +157,7 @@ class EdgeTension:
         )
         X = np.asarray(edges.global_coordinates()).reshape(2, -1)
         try:
-            if self.net is None:
-                net = edge_net(mesh, self.on_tool, self.angles, self.held)
-            else:
-                net = self.net()
-            directions = net.tangents(X)
+            directions = self.net().tangents(X)
         except NetError as error:
             raise ValueError(self._not_covered(error.position)) from None
         traction = self._traction(np.asarray(edges.normals), directions)
@@ -185,7 +181,8 @@ class EdgeTension:
         e
             Directions of warp and weft in space there, shape (2, 3, n).
         """
-        c, s = _cosine_and_sine(e)
+        c = (e[0] * e[1]).sum(axis=0)
+        s = np.linalg.norm(np.cross(e[0], e[1], axis=0), axis=0)
         moment = self._moment(c, s)
         force = np.zeros_like(e[0])
         for a, other, angle in zip(e, e[::-1], self.angles, strict=True):
@@ -259,12 +256,6 @@ class _Balance(TermParameters):
     def at_rest(self) -> Values:
         """No correction."""
         return Values({"balance": np.zeros(self._n_unknowns)})
-
-
-def _cosine_and_sine(e: ndarray) -> tuple[ndarray, ndarray]:
-    """Cosine and sine of the angles between warp and weft directions, shape (n,)."""
-    c = (e[0] * e[1]).sum(axis=0)
-    return c, np.linalg.norm(np.cross(e[0], e[1], axis=0), axis=0)
 
 
 @LinearForm

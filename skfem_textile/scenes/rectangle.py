@@ -63,8 +63,9 @@ def rectangle(
     nx, ny = size
     if kind not in KINDS:
         raise ValueError(f"unknown mesh {kind!r}: choose one of {', '.join(KINDS)}")
-    if not (0 < width < np.inf and 0 < height < np.inf):
-        raise ValueError(f"the sides must be positive, got {width} mm and {height} mm")
+    for side, length in (("width", width), ("height", height)):
+        if not 0 < length < np.inf:
+            raise ValueError(f"the {side} must be positive, got {length:g} mm")
     if nx < 1 or ny < 1:
         raise ValueError(f"the mesh requires at least 1x1 elements, got {nx}x{ny}")
     if not 0 <= jitter < 1:
@@ -89,7 +90,10 @@ def rectangle(
         y[1:-1] += dy[1:-1]
     points = np.stack([x.ravel(), y.ravel()])
     if kind == "delaunay":
-        return with_edges(_delaunay(points))
+        from scipy.spatial import Delaunay
+
+        triangles = np.ascontiguousarray(Delaunay(points.T).simplices.T)
+        return with_edges(MeshTri(points, triangles))
 
     node = np.arange(x.size).reshape(x.shape)
     corners = node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]
@@ -171,12 +175,6 @@ def misfit(mesh: Mesh, sides: Iterable[str]) -> str:
                 f"{side} side"
             )
     return ""
-
-
-def _delaunay(points: ndarray) -> MeshTri:
-    from scipy.spatial import Delaunay
-
-    return MeshTri(points, np.ascontiguousarray(Delaunay(points.T).simplices.T))
 
 
 #: Sides in planes of symmetry, and their normals.

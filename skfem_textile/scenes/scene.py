@@ -330,10 +330,7 @@ class Scene:
         if self.misfit or self.displacement is unknown:
             return {}
         ply, t = result.ply, result.states[-1].load_factor
-        angle = ply.shear_angle(result.u, ply.centre)[:, 0]
-        area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
-        centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
-        return self.distance(ply.nodes, ply.nodal(result.u), centres, angle, area, t)
+        return self.distance(ply.nodes, ply.nodal(result.u), *at_centres(result), t)
 
     def distance(
         self,
@@ -435,6 +432,17 @@ class Scene:
                 f"{1 - lost:.2f}, not to 1"
             )
         return figures
+
+
+def at_centres(result: Result) -> tuple[ndarray, ndarray, ndarray]:
+    """Means of the vertices of elements, (2, n), shear angles there, and areas, (n,).
+
+    Shear angles in the last state, and areas in the reference configuration.
+    """
+    ply = result.ply
+    angle = ply.shear_angle(result.u, ply.centre)[:, 0]
+    area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
+    return ply.mesh.p[:, ply.mesh.t].mean(axis=1), angle, area
 
 
 def _turned_vector(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:

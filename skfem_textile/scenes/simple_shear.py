@@ -14,6 +14,7 @@ along the motion.
 """
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -86,34 +87,33 @@ def simple_shear(given: declared.SimpleShear) -> Scene:
     mesh = given_or_rectangle(given, given.width, given.height, given.warp, given.weft)
     require_edges("simple_shear", mesh, ("bottom", "top"))
     height = float(np.ptp(mesh.p[1]))
-    top: Condition | None = None
     if across == "tension":
         slide = partial(_slide, gamma=gamma, height=height)
         top = Condition("top", slide, direction=(1.0, 0.0), together=True)
-    falls = across != "gap"
-    motion = partial(_motion, gamma=gamma, height=height, falls=falls)
+    else:
+        falls = across == "circle"
+        motion = partial(_motion, gamma=gamma, height=height, falls=falls)
+        top = Condition("top", motion)
     reason = _misfit(given, across) or misfit(mesh, ("bottom", "top"))
     width = float(np.ptp(mesh.p[0]))
-    circle = across == "circle"
+    of_circle: dict[str, Any] = {}
+    if across == "circle":
+        of_circle = {"measured": partial(_along_motion, gamma=gamma), "first": _FIRST}
     exact = partial(_force, gamma=gamma, width=width, tension=tension)
     return Scene(
         name="simple_shear",
         mesh=mesh,
         warp=(float(np.cos(given.warp)), float(np.sin(given.warp))),
         weft=(float(np.cos(given.weft)), float(np.sin(given.weft))),
-        conditions={
-            "bottom": Condition("bottom"),
-            "top": top or Condition("top", motion),
-        },
+        conditions={"bottom": Condition("bottom"), "top": top},
         driven="top",
         displacement=partial(_sheared, gamma=gamma, bottom=float(mesh.p[1].min())),
         shear_angle=partial(_angle, gamma=gamma),
         load=exact if across == "tension" else None,
         load_axis=0,
-        measured=partial(_along_motion, gamma=gamma) if circle else _nothing,
-        first=_FIRST if circle else (),
         misfit=reason,
         loads=(Traction("top", (0.0, tension), 1.0, _NAME),) if tension else (),
+        **of_circle,
     )
 
 
@@ -168,10 +168,6 @@ def _along_motion(result: Result, gamma: float) -> dict[str, float | str]:
     if error.load is not None:
         figures["load_along_motion_N_half_width"] = error.load * abs(force)
     return figures
-
-
-def _nothing(result: Result) -> dict[str, float | str]:
-    return {}
 
 
 def _sheared(X: ndarray, t: float, gamma: float, bottom: float) -> ndarray:

@@ -64,11 +64,7 @@ def specimen(given: declared.Specimen) -> Scene:
     ('top', (None, 40.0))
     """
     warp, weft, moves = given.warp, given.weft, given.moves
-    sides = {"width": given.width, "height": given.height}
-    for name, side in sides.items() if isinstance(given.mesh, str) else ():
-        if not (np.isfinite(side) and side > 0):
-            raise ValueError(f"the {name} must be positive, got {side:g} mm")
-    mesh = given_or_rectangle(given, *sides.values(), warp, weft)
+    mesh = given_or_rectangle(given, given.width, given.height, warp, weft)
     conditions = {}
     for name, components in moves:
         if name in conditions:

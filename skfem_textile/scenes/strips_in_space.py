@@ -80,22 +80,11 @@ def cantilever(given: declared.Cantilever) -> Scene:
 def _cantilever_figures(
     result: Result, length: float, weight: float
 ) -> dict[str, float]:
-    """Position of the tip, computed and of the elastica.
-
-    Parameters
-    ----------
-    result
-        Result of a run of the scene.
-    length
-        Length L in mm.
-    weight
-        Weight per area in N/mm².
-    """
-    bending, t = result.ply.fabric.bending[0], result.states[-1].load_factor
-    if np.size(bending) > 1 or t == 0:
+    """Position of the tip, computed and of the elastica."""
+    ply, t = result.ply, result.states[-1].load_factor
+    D = _stiffness(result)
+    if D is None or t == 0:
         return {}
-    D = np.asarray(bending).item()
-    ply = result.ply
     (x, _, z), right = ply.nodal(result.u), ply.nodes[0] > ply.nodes[0].max() - 1e-9
     tip_x, tip_z = length + float(x[right].mean()), float(z[right].mean())
     angle = float(np.arctan2(-tip_z, tip_x))
@@ -116,6 +105,12 @@ def _cantilever_figures(
         "exact_chord_angle_deg": float(np.degrees(exact.chord_angle)),
         "tip_error_over_length": float(off / length),
     }
+
+
+def _stiffness(result: Result) -> float | None:
+    """Bending stiffness of the warp in N mm; None if it is not the same everywhere."""
+    bending = np.asarray(result.ply.fabric.bending[0])
+    return None if bending.size > 1 else bending.item()
 
 
 @with_parameters(declared.Buckling)
@@ -172,22 +167,11 @@ def buckling(given: declared.Buckling) -> Scene:
 def _buckling_figures(
     result: Result, length: float, width: float, shortening: float
 ) -> dict[str, float]:
-    """Force at the ends and height of the middle, computed and of the elastica.
-
-    Parameters
-    ----------
-    result
-        Result of a run of the scene.
-    length, width
-        Sides of the strip in mm.
-    shortening
-        As for `buckling`.
-    """
+    """Force at the ends and height of the middle, computed and of the elastica."""
     ply, state = result.ply, result.states[-1]
-    bending, t = ply.fabric.bending[0], state.load_factor
-    if np.size(bending) > 1 or t == 0:
+    D, t = _stiffness(result), state.load_factor
+    if D is None or t == 0:
         return {}
-    D = np.asarray(bending).item()
     force = -float(state.reactions["right"][0]) / width
     height = float(np.abs(ply.nodal(result.u)[2]).max())
     figures = {"force_N_per_mm": force, "height_mm": height}

@@ -12,6 +12,7 @@ from ..surfaces.analytic import (
     Height,
     HeightField,
     Sphere,
+    positive_length,
 )
 from ..surfaces.analytic import double_dome as tool
 from .draped_ply import draped_ply
@@ -181,9 +182,7 @@ def saddle(given: declared.Saddle) -> Scene:
     ValueError
         See `draped_ply`; also if the radius is not positive.
     """
-    radius = given.radius
-    if not 0 < radius < np.inf:
-        raise ValueError(f"saddle: the radius must be positive, got {radius:g} mm")
+    radius = positive_length("saddle: radius", given.radius)
     surface = HeightField(partial(_saddle, radius=radius))
     return draped_ply("saddle", surface, given.mesh, **given.ply())
 

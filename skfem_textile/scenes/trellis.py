@@ -115,7 +115,8 @@ def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
             raise ValueError(
                 f"trellis: unknown side {side!r}: choose one of {', '.join(SIDES)}"
             )
-        if edge not in ("held", "free") and not _is_angle(edge):
+        is_angle = isinstance(edge, Real) and np.isfinite(edge)
+        if edge not in ("held", "free") and not is_angle:
             raise ValueError(
                 f"trellis: the {side} side must be 'held', 'free' or the finite "
                 f"inclination of a roller in radians, got {edge!r}"
@@ -152,10 +153,6 @@ def _roller(side: str, inclination: float, motion: "Motion") -> Condition:
 
 def _across(X: ndarray, t: float, normal: ndarray, motion: "Motion") -> ndarray:
     return normal @ motion.displacement(X, t)
-
-
-def _is_angle(edge: Edge) -> bool:
-    return isinstance(edge, Real) and bool(np.isfinite(edge))
 
 
 class Motion:
@@ -260,7 +257,7 @@ def picture_frame(given: declared.PictureFrame) -> Scene:
         fabric.
     """
     mesh = given_or_rectangle(given, given.side, given.side)
-    turns = _straight, partial(_bent, angle=-given.shear_angle)
+    turns = partial(_bent, angle=0.0), partial(_bent, angle=-given.shear_angle)
     scene = trellis(mesh, turns=turns)
     fabric = float(np.ptp(scene.mesh.p[1]))
     frame = fabric if given.frame is None else given.frame
@@ -270,7 +267,3 @@ def picture_frame(given: declared.PictureFrame) -> Scene:
 
 def _bent(s: ndarray, t: float, angle: float, bend: float = 0.0) -> ndarray:
     return t * (angle - bend * s / SIDE)
-
-
-def _straight(s: ndarray, t: float) -> ndarray:
-    return np.zeros(s.shape)

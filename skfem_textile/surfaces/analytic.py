@@ -19,7 +19,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from .. import declarations as declared
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers, shortened
 
 #: Three components.
 Vector: TypeAlias = ArrayLike
@@ -28,8 +28,18 @@ Vector: TypeAlias = ArrayLike
 TINY = 1e-300
 
 
+class _Checked:
+    """Surface whose parameters are checked by their names, see `_CHECKS`."""
+
+    def __post_init__(self) -> None:
+        for key, check in _CHECKS.items():
+            if hasattr(self, key):
+                what = f"{type(self).__name__.lower()}: {key}"
+                object.__setattr__(self, key, check(what, getattr(self, key)))
+
+
 @dataclass(frozen=True, eq=False)
-class Plane(declared.Plane):
+class Plane(declared.Plane, _Checked):
     """Plane through a point, with φ as the height above it.
 
     Parameters
@@ -39,9 +49,6 @@ class Plane(declared.Plane):
     normal
         Normal of any length.
     """
-
-    def __post_init__(self) -> None:
-        _check(self, "plane", point=_vector, normal=_unit)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
@@ -57,7 +64,7 @@ class Plane(declared.Plane):
 
 
 @dataclass(frozen=True, eq=False)
-class Sphere(declared.Sphere):
+class Sphere(declared.Sphere, _Checked):
     """Sphere, with φ as the distance from it.
 
     Parameters
@@ -67,9 +74,6 @@ class Sphere(declared.Sphere):
     centre
         Centre in mm.
     """
-
-    def __post_init__(self) -> None:
-        _check(self, "sphere", radius=positive_length, centre=_vector)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
@@ -90,7 +94,7 @@ class Sphere(declared.Sphere):
         return x - np.asarray(self.centre)[:, None]
 
 
-class OfRevolution:
+class OfRevolution(_Checked):
     """Surface of revolution, φ = f(r, z), by the derivatives of f.
 
     With the radial, axial and circumferential unit vectors e_r, e_z and e_t the Hessian
@@ -101,37 +105,30 @@ class OfRevolution:
     point: Vector
     axis: Vector
 
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        """The function f of distance from the axis and height along it."""
-        raise NotImplementedError
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        """The function f of distance from the axis and height, and its derivatives.
 
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        """∂f/∂r and ∂f/∂z."""
+        In this order: f, ∂f/∂r, ∂f/∂z, ∂²f/∂r², ∂²f/∂r∂z and ∂²f/∂z².
+        """
         raise NotImplementedError
-
-    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        """∂²f/∂r², ∂²f/∂r∂z and ∂²f/∂z²."""
-        zero = np.zeros_like(r)
-        return zero, zero, zero
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
         r, z, _ = self._cylindrical(x)
-        return self._f(r, z)
+        return self._derivatives(r, z)[0]
 
     def gradient(self, x: ndarray) -> ndarray:
         """∇φ, shape (3, n)."""
         r, z, across = self._cylindrical(x)
-        of_r, of_z = self._df(r, z)
+        _, of_r, of_z, *_ = self._derivatives(r, z)
         return of_r * across + of_z * np.asarray(self.axis)[:, None]
 
     def hessian(self, x: ndarray) -> ndarray:
         """∇²φ, shape (3, 3, n)."""
         r, z, across = self._cylindrical(x)
-        along = np.broadcast_to(np.asarray(self.axis)[:, None], x.shape)
-        rr, rz, zz = self._ddf(r, z)
-        of_r, _ = self._df(r, z)
+        _, of_r, _, rr, rz, zz = self._derivatives(r, z)
         axis = np.asarray(self.axis)
+        along = np.broadcast_to(axis[:, None], x.shape)
         beside = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
         beside /= np.linalg.norm(beside)
         across = np.where(r > 0, across, beside[:, None])
@@ -169,14 +166,9 @@ class Cylinder(declared.Cylinder, OfRevolution):
         Direction of the axis.
     """
 
-    def __post_init__(self) -> None:
-        _check(self, "cylinder", radius=positive_length, point=_vector, axis=_unit)
-
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        return r - self.radius
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        return np.ones_like(r), np.zeros_like(z)
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        zero = np.zeros_like(r)
+        return r - self.radius, zero + 1, zero, zero, zero, zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,15 +185,9 @@ class Cone(declared.Cone, OfRevolution):
         Direction from the apex along the axis into the cone.
     """
 
-    def __post_init__(self) -> None:
-        _check(self, "cone", angle=_acute, point=_vector, axis=_unit)
-
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        return r * np.cos(self.angle) - z * np.sin(self.angle)
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        one = np.ones_like(r)
-        return np.cos(self.angle) * one, -np.sin(self.angle) * one
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        c, s, zero = np.cos(self.angle), np.sin(self.angle), np.zeros_like(r)
+        return r * c - z * s, zero + c, zero - s, zero, zero, zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,32 +207,19 @@ class Torus(declared.Torus, OfRevolution):
     """
 
     def __post_init__(self) -> None:
-        _check(self, "torus", radius=positive_length, tube=positive_length)
+        super().__post_init__()
         if self.tube >= self.radius:
             raise ValueError(
                 f"torus: tube must be smaller than radius, got {self.tube:g} mm and "
                 f"{self.radius:g} mm"
             )
-        _check(self, "torus", point=_vector, axis=_unit)
 
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        return np.hypot(r - self.radius, z) - self.tube
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        away = np.maximum(np.hypot(r - self.radius, z), TINY)
-        return (r - self.radius) / away, z / away
-
-    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        away = np.maximum(np.hypot(r - self.radius, z), TINY)
-        c, s = self._df(r, z)
-        return s * s / away, -c * s / away, c * c / away
-
-
-def _check(surface: object, name: str, **checks: Callable[[str, Any], Any]) -> None:
-    """Replace parameters of a surface by those that their checks return."""
-    for key, check in checks.items():
-        value = check(f"{name}: {key}", getattr(surface, key))
-        object.__setattr__(surface, key, value)
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        off = r - self.radius
+        away = np.maximum(np.hypot(off, z), TINY)
+        c, s = off / away, z / away
+        of_second = s * s / away, -c * s / away, c * c / away
+        return away - self.tube, c, s, *of_second
 
 
 def _acute(what: str, value: ArrayLike) -> float:
@@ -257,17 +230,18 @@ def _acute(what: str, value: ArrayLike) -> float:
     return angle
 
 
-def _vector(what: str, value: Vector) -> ndarray:
+def three_numbers(what: str, value: Vector) -> ndarray:
     """Finite vector of three components."""
     vector = real_numbers(what, value)
     if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError(f"{what} must be three finite numbers, got {value!r}")
+        text = shortened(value)
+        raise ValueError(f"{what} must be three finite numbers, got {text}")
     return vector
 
 
 def _unit(what: str, value: Vector) -> ndarray:
     """Unit vector along a nonzero vector."""
-    vector = _vector(what, value)
+    vector = three_numbers(what, value)
     if not vector.any():
         raise ValueError(f"{what} must not be zero")
     vector = vector / np.abs(vector).max()
@@ -280,6 +254,22 @@ def positive_length(what: str, value: ArrayLike) -> float:
     if number.shape or not (np.isfinite(number) and number > 0):
         raise ValueError(f"{what} must be a positive length in mm, got {value!r}")
     return float(number)
+
+
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
+    **dict.fromkeys(("radius", "tube", "fillet"), positive_length),
+    **dict.fromkeys(("point", "centre"), three_numbers),
+    **dict.fromkeys(("axis", "normal"), _unit),
+    "angle": _acute,
+}
+
+
+def points_in_space(what: str, value: ArrayLike) -> ndarray:
+    """Finite points, shape (3, n)."""
+    points = real_numbers(what, value)
+    if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
+        raise ValueError(f"{what} must be finite numbers of shape (3, n)")
+    return points
 
 
 class Height(NamedTuple):
@@ -441,46 +431,24 @@ class Punch(declared.Punch, OfRevolution):
     array([2., 4.])
     """
 
-    def __post_init__(self) -> None:
-        _check(self, "punch", radius=positive_length, point=_vector, axis=_unit)
-
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        away = np.hypot(r, np.maximum(z, 0.0))
-        inside, _, _ = _core(away, self.radius)
-        depth, _, _ = _depth(z, self.radius)
-        return _rounded(away, self.radius)[0] - self.radius + inside * depth
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        away, n_r, n_z = self._direction(r, z)
-        slope, _ = self._slopes(away, z)
-        inside, _, _ = _core(away, self.radius)
-        _, depth_z, _ = _depth(z, self.radius)
-        return n_r * slope, n_z * slope + inside * depth_z
-
-    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        away, n_r, n_z = self._direction(r, z)
-        slope, bend = self._slopes(away, z)
-        inside, inside_r, _ = _core(away, self.radius)
-        _, depth_z, depth_zz = _depth(z, self.radius)
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        # Distance from the axis of the shaft, or from the centre above it.
+        above = np.maximum(z, 0.0)
+        away = np.maximum(np.hypot(r, above), TINY)
+        n_r, n_z = np.where(z > 0, r / away, 1.0), above / away
+        distance, slope, bend = _rounded(away, self.radius)
+        inside, inside_r, inside_rr = _core(away, self.radius)
+        depth, depth_z, depth_zz = _depth(z, self.radius)
+        slope, bend = slope + inside_r * depth, bend + inside_rr * depth
         around, mixed = np.where(z > 0, slope / away, 0.0), inside_r * depth_z
         return (
+            distance - self.radius + inside * depth,
+            n_r * slope,
+            n_z * slope + inside * depth_z,
             bend * n_r**2 + around * n_z**2,
             (bend - around) * n_r * n_z + mixed * n_r,
             bend * n_z**2 + around * n_r**2 + 2 * mixed * n_z + inside * depth_zz,
         )
-
-    def _direction(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        """Distance from the axis of the shaft or the centre, and its derivatives."""
-        above = np.maximum(z, 0.0)
-        away = np.maximum(np.hypot(r, above), TINY)
-        return away, np.where(z > 0, r / away, 1.0), above / away
-
-    def _slopes(self, away: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        """First and second derivative of φ by this distance."""
-        _, slope, bend = _rounded(away, self.radius)
-        _, inside_r, inside_rr = _core(away, self.radius)
-        depth, _, _ = _depth(z, self.radius)
-        return slope + inside_r * depth, bend + inside_rr * depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -512,28 +480,15 @@ class Die(declared.Die, OfRevolution):
     array([2.    , 1.3137])
     """
 
-    def __post_init__(self) -> None:
-        _check(self, "die", radius=positive_length, fillet=positive_length)
-        _check(self, "die", point=_vector, axis=_unit)
-
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        inside, _, _ = _core(r, self.radius)
-        depth, _, _ = _depth(z, self.radius)
-        return self._section(r, z)[0] - inside * depth
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        _, n_r, n_z, _ = self._section(r, z)
-        _, slope, _ = _rounded(r, self.radius)
-        inside, inside_r, _ = _core(r, self.radius)
-        depth, depth_z, _ = _depth(z, self.radius)
-        return n_r * slope - inside_r * depth, n_z - inside * depth_z
-
-    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        _, n_r, n_z, curved = self._section(r, z)
-        _, slope, bend = _rounded(r, self.radius)
+    def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        distance, slope, bend = _rounded(r, self.radius)
+        level, n_r, n_z, curved = self._section(distance, z)
         inside, inside_r, inside_rr = _core(r, self.radius)
         depth, depth_z, depth_zz = _depth(z, self.radius)
         return (
+            level - inside * depth,
+            n_r * slope - inside_r * depth,
+            n_z - inside * depth_z,
             curved * (n_z * slope) ** 2 + n_r * bend - inside_rr * depth,
             -curved * n_r * n_z * slope - inside_r * depth_z,
             curved * n_r**2 - inside * depth_zz,
@@ -541,7 +496,7 @@ class Die(declared.Die, OfRevolution):
 
     def _section(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         """Distance in the section, its derivatives by r and z, and its curvature."""
-        r = _rounded(r, self.radius)[0] - (self.radius + self.fillet)
+        r = r - (self.radius + self.fillet)
         z = z - self.fillet
         plane, wall = (r >= 0) & (z <= r), (z >= 0) & (r < z)
         away = np.maximum(np.hypot(r, z), TINY)

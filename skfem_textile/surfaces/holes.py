@@ -36,7 +36,7 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     Raises
     ------
     MeshError
-        See `loops_of_edges`.
+        See `loops`.
     """
     edges = loops(x, [triangles])
     part, turn = parts_of(x.shape[1], triangles), turning(x, triangles)
@@ -110,10 +110,7 @@ def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:
     lattice = spacing * np.array([i + j / 2, np.sqrt(0.75) * j])
     lattice = lattice[:, np.hypot(*lattice) < radius - _INSIDE * spacing]
     flat = np.hstack([rim, lattice])
-    corners = Delaunay(flat.T).simplices.T
-    a, b, c = flat[:, corners].swapaxes(0, 1)
-    turn = (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]
-    corners = np.where(turn > 0, corners, corners[::-1])
+    corners = Delaunay(flat.T).simplices.T  # anticlockwise
     new = x.shape[1] + np.arange(lattice.shape[1])
     middle = np.repeat(x[:, loop].mean(axis=1, keepdims=True), len(new), axis=1)
     return np.hstack([x, middle]), np.concatenate([loop, new])[corners]

@@ -7,11 +7,11 @@ Multi-level partition of unity implicits, ACM Trans.  Graph.  22:463).
 """
 
 from copy import copy
-from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
+
+from .tool_mesh import pairs_of
 
 # Number of points to which the six coefficients of a quadric are fitted: two rings of
 # neighbours and more on a regular mesh.
@@ -55,14 +55,6 @@ _LEVELS = np.linspace(0.0, 1 / _FAR, 9)
 _CUBE, _FAR_OFF, _HIGH = 1.0, 5.0, 0.7
 
 
-class Derivatives(NamedTuple):
-    """φ, ∇φ and ∇²φ, shapes (n,), (3, n) and (3, 3, n)."""
-
-    level: ndarray
-    gradient: ndarray
-    hessian: ndarray
-
-
 class Quadrics:
     """Quadrics q_i = a_i + b_i·d + ½ d·H_i d of the vector d from their points.
 
@@ -97,7 +89,9 @@ class Quadrics:
         count = np.where(self._listed, count, 0)
         self._start = np.cumsum(count) - count
         at = np.repeat(np.arange(len(points)), count)
-        near = _flat(self._tree.query_ball_point(points[self._listed], within[-1]))
+        _, near = pairs_of(
+            self._tree.query_ball_point(points[self._listed], within[-1])
+        )
         away = np.linalg.norm(points[at] - points[near], axis=1)
         self._near = near[np.lexsort([away, at])]
         self._counts = np.array(
@@ -128,8 +122,7 @@ class Quadrics:
 
     def offsets(self) -> ndarray:
         """Distances of the points above their quadrics in mm, shape (n,)."""
-        values: ndarray = self._quadrics[1]
-        return values
+        return self._quadrics[1]
 
     def heights(self, x: ndarray) -> tuple[ndarray, ndarray]:
         """Heights over the tangent plane at the nearest point, and its normal.
@@ -176,7 +169,7 @@ class Quadrics:
             for some in _blocks(numbers, count):
                 n, first, at = count[some], nearest[some], x[:, some]
                 if numbers is far:
-                    near = _flat(self._tree.query_ball_point(at.T, reach[some]))
+                    _, near = pairs_of(self._tree.query_ball_point(at.T, reach[some]))
                 else:
                     shift = self._start[first] - (np.cumsum(n) - n)
                     near = self._near[np.arange(n.sum()) + np.repeat(shift, n)]
@@ -259,11 +252,6 @@ class Quadrics:
 # Second derivatives xx, yy, zz, yz, xz, xy in a matrix, and their numbers in it.
 _UPPER = [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]
 _SYMMETRIC = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-
-
-def _flat(lists: ndarray) -> ndarray:
-    """Concatenate an array of lists of integers."""
-    return np.fromiter(chain.from_iterable(lists), dtype=np.int64)
 
 
 def _blocks(numbers: ndarray, count: ndarray) -> list[ndarray]:

@@ -11,9 +11,10 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.graph import components, edges_once
+from ..mesh.graph import boundary_edges, components, edges_once
 from ..mesh.user_input import coords
 from .holes import of_outer_edges, parts_of, turning
+from .tool_mesh import pairs_of
 
 # Distance, relative to the extent, below which vertices coincide: single precision.
 _ONE = 1e-6
@@ -200,10 +201,8 @@ def _on_open_edges(
     near = KDTree(x[vertices]).query_ball_point(
         (begin + end) / 2, (0.5 + _ON_EDGE) * length
     )
-    sizes = np.fromiter(map(len, near), dtype=int, count=len(near))
-    edge = np.repeat(np.arange(len(near)), sizes)
-    flat = [number for own in near for number in own]
-    vertex = vertices[np.array(flat, dtype=int)]
+    edge, number = pairs_of(near)
+    vertex = vertices[number]
     along, off = (end - begin)[edge], x[vertex] - begin[edge]
     share = (along * off).sum(axis=1) / length[edge] ** 2
     away = np.linalg.norm(off - share[:, None] * along, axis=1)
@@ -360,6 +359,12 @@ def mean_edge(x: ndarray, triangles: ndarray) -> float:
     return float(np.linalg.norm(edges, axis=2).mean())
 
 
+def area_vectors(x: ndarray, triangles: ndarray) -> ndarray:
+    """Normals of triangles with twice the area as length, shape (n, 3)."""
+    a, b, c = x[triangles]
+    return np.cross(b - a, c - a)
+
+
 def _of_sewing(sewing: Sewing, edge: float) -> str:
     parts = []
     if sewing.merged:
@@ -394,8 +399,7 @@ def _neighbours(triangles: ndarray) -> tuple[ndarray, ndarray]:
 def _with_area(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, int]:
     """Vertices and triangles without the parts that have no area, and their number."""
     part = parts_of(len(x), triangles)[triangles[0]]
-    a, b, c = x[triangles]
-    area = np.bincount(part, np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    area = np.bincount(part, np.linalg.norm(area_vectors(x, triangles), axis=1))
     keep = (area > _NO_AREA * area.max())[part]
     if keep.all():
         return x, triangles, 0
@@ -437,8 +441,7 @@ def _around_openings(
 
     Also the open edges, (2, n), and the chain of each, (n,).
     """
-    edges, first, _, count = edges_once([triangles])
-    open_edges = edges[:, first[count == 1]]
+    open_edges = boundary_edges([triangles])
     loop = components(len(x), open_edges)[open_edges[0]]
     length = np.linalg.norm(x[open_edges[0]] - x[open_edges[1]], axis=1)
     _, loop = np.unique(loop, return_inverse=True)
@@ -499,8 +502,7 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
         )
     part = np.unique(np.minimum(side[:n], side[n:]), return_inverse=True)[1].reshape(-1)
     turned = side[:n] > side[n:]
-    a, b, c = x[triangles]
-    vectors = np.cross(b - a, c - a) / 2
+    vectors = area_vectors(x, triangles)
     area, signs = np.linalg.norm(vectors, axis=1), np.where(turned, -1, 1)
     flat = np.bincount(part, area) <= 0
     if flat.any():
@@ -512,9 +514,8 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
     share = np.bincount(part, area * turned) / np.bincount(part, area)
     up = np.bincount(part, vectors[:, 2] * signs)
     reverse = np.where(np.abs(share - 0.5) > _MOST - 0.5, share > 0.5, up < 0)
-    closed = np.bincount(part, minlength=len(share)) * 3 == 2 * np.bincount(
-        part[pairs[0]], minlength=len(share)
-    )
+    closed = 3 * np.bincount(part) == 2 * np.bincount(part[pairs[0]], minlength=len(up))
+    a, b, c = x[triangles]
     centred = (a + b + c) / 3 - x.mean(axis=0)
     volume = np.bincount(part, (centred * vectors).sum(axis=1) * signs)
     reverse = np.where(closed, volume < 0, reverse)
@@ -530,8 +531,7 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
 
 def _of_parts(x: ndarray, triangles: ndarray) -> str:
     part = components(triangles.shape[1], _neighbours(triangles)[0])
-    a, b, c = x[triangles]
-    area = np.bincount(part, np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    area = np.bincount(part, np.linalg.norm(area_vectors(x, triangles), axis=1))
     share = np.sort(area / area.sum())[::-1]
     if (n := int((share > _SLIVER).sum())) <= 1:
         return ""
@@ -572,7 +572,7 @@ def _of_shell(x: ndarray, triangles: ndarray) -> str:
     from scipy.spatial import KDTree
 
     a, b, c = x[triangles]
-    vectors, centres = np.cross(b - a, c - a), (a + b + c) / 3
+    vectors, centres = area_vectors(x, triangles), (a + b + c) / 3
     area = np.linalg.norm(vectors, axis=1)
     normals = vectors / np.maximum(area, 1e-300)[:, None]
     edge = mean_edge(x, triangles)

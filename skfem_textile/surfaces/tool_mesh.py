@@ -112,6 +112,13 @@ def edge_lengths(positions: ndarray, elements: ndarray) -> ndarray:
     return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
 
 
+def pairs_of(lists: ndarray) -> tuple[ndarray, ndarray]:
+    """Pairs of the index of a list and a number in it, of lists of integers."""
+    counts = np.fromiter(map(len, lists), dtype=int, count=len(lists))
+    numbers = np.fromiter(chain.from_iterable(lists), dtype=int)
+    return np.repeat(np.arange(len(lists)), counts), numbers
+
+
 class ElementTree:
     """Search trees for elements near points, by corners of shape (3, n_corners, n).
 
@@ -139,10 +146,8 @@ class ElementTree:
         pairs = []
         for part, tree in self._trees:
             near = tree.query_ball_point(points.T, self.radii[part].max() + most)
-            counts = np.array([len(close) for close in near], dtype=int)
-            point = np.repeat(np.arange(points.shape[1]), counts)
-            element = part[np.fromiter(chain.from_iterable(near), dtype=int)]
-            pairs.append((point, element))
+            point, number = pairs_of(near)
+            pairs.append((point, part[number]))
         point, element = np.hstack(pairs)
         order = np.lexsort([element, point])
         return point[order], element[order]
@@ -337,43 +342,28 @@ def cut_in_two(cells: tuple[ndarray, ...]) -> ndarray:
     return np.hstack([cell[cut] for cell in cells for cut in cuts[len(cell)]])
 
 
-def loops_of_edges(edges: ndarray) -> list[ndarray]:
-    """Nodes of the closed curves along directed edges, shape (2, n).
-
-    Raises
-    ------
-    MeshError
-        If more than two of them meet at a node.
-    """
-    start, end = edges.tolist()
-    after = dict(zip(start, end, strict=True))
-    if len(after) < len(start) or len(set(after.values())) < len(end):
-        raise MeshError(
-            "tool mesh: the boundary crosses itself, or the elements are oriented "
-            "inconsistently"
-        )
-    loops = []
-    while after:
-        begin = at = next(iter(after))
-        nodes = []
-        while at in after:
-            nodes.append(at)
-            at = after.pop(at)
-        if at != begin:
-            raise MeshError("tool mesh: the boundary is not a closed curve")
-        loops.append(np.array(nodes))
-    return loops
-
-
 def loops(points: ndarray, cells: Sequence[ndarray]) -> list[ndarray]:
     """Nodes of the closed curves along the boundary of cells, the longest first.
 
     Raises
     ------
     MeshError
-        See `loops_of_edges`.
+        If more than two edges of the boundary meet at a node.
     """
-    found = loops_of_edges(boundary_edges(cells))
+    start, end = boundary_edges(cells).tolist()
+    after = dict(zip(start, end, strict=True))
+    if len(after) < len(start) or set(start) != set(end):
+        raise MeshError(
+            "tool mesh: the boundary crosses itself, or the elements are oriented "
+            "inconsistently"
+        )
+    found = []
+    while after:
+        at, nodes = next(iter(after)), []
+        while at in after:
+            nodes.append(at)
+            at = after.pop(at)
+        found.append(np.array(nodes))
     return sorted(found, key=lambda nodes: -curve_length(points[:, nodes]))
 
 

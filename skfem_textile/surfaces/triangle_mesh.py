@@ -14,8 +14,8 @@ from ..mesh.checks import MeshError
 from ..mesh.graph import boundary_edges
 from ..mesh.user_input import coords
 from .holes import filled, turning
-from .quadrics import FITTED, Derivatives, Quadrics
-from .repair import mean_edge, repaired
+from .quadrics import FITTED, Quadrics
+from .repair import area_vectors, mean_edge, repaired
 from .tool_mesh import ElementTree, ToolMesh, closest_on_triangles
 
 # Number of positions for which values are kept in memory: a Newton iteration returns to
@@ -102,7 +102,7 @@ class TriangleMesh:
         self._edge = mean_edge(self._x, triangles)
         normals = _vertex_normals(self._x, triangles)
         self._quadrics = Quadrics(self._x, normals, _REACH * self._edge)
-        self._kept: list[tuple[ndarray, Derivatives]] = []
+        self._kept: list[tuple[ndarray, tuple[ndarray, ...]]] = []
         self.remarks = tuple(filter(None, (*remarks, self._of_noise())))
 
     def _of_noise(self) -> str:
@@ -136,8 +136,7 @@ class TriangleMesh:
     @cached_property
     def facets(self) -> ToolMesh:
         """The triangles as elements of a tool, without degenerate ones."""
-        a, b, c = self._x[self._triangles]
-        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        area = np.linalg.norm(area_vectors(self._x, self._triangles), axis=1)
         return ToolMesh(self._x.T, (self._triangles[:, area > 0],))
 
     def moved(self, origin: ndarray, turn: ndarray) -> "TriangleMesh":
@@ -276,27 +275,27 @@ class TriangleMesh:
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
-        return self._mean(x).level
+        return self._mean(x)[0]
 
     def gradient(self, x: ndarray) -> ndarray:
         """∇φ, shape (3, n)."""
-        return self._mean(x).gradient
+        return self._mean(x)[1]
 
     def hessian(self, x: ndarray) -> ndarray:
         """∇²φ, shape (3, 3, n)."""
-        return self._mean(x).hessian
+        return self._mean(x)[2]
 
     def first_order(self, x: ndarray) -> tuple[ndarray, ndarray]:
         """φ and ∇φ, shapes (n,) and (3, n), in less time than with ∇²φ."""
         level, gradient = self._quadrics.mean(x, order=1)
         return level, gradient
 
-    def _mean(self, x: ndarray) -> Derivatives:
-        """φ and its derivatives; the last evaluation is kept."""
+    def _mean(self, x: ndarray) -> tuple[ndarray, ...]:
+        """φ, ∇φ and ∇²φ; the last evaluations are kept."""
         for at, mean in self._kept:
             if np.array_equal(at, x):
                 return mean
-        mean = Derivatives(*self._quadrics.mean(x))
+        mean = self._quadrics.mean(x)
         self._kept = [(x.copy(), mean), *self._kept[: _KEPT - 1]]
         return mean
 
@@ -335,8 +334,7 @@ class _Edges:
 
 def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
     """Unit normals at the vertices, weighted by area, shape (n, 3)."""
-    a, b, c = x[triangles]
-    area = np.cross(b - a, c - a)
+    area = area_vectors(x, triangles)
     normals, around = np.zeros_like(x), np.zeros((len(x), 1))
     for corner in triangles:
         np.add.at(normals, corner, area)

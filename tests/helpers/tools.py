@@ -6,9 +6,9 @@ from functools import cache
 import meshio
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
-from skfem import MeshQuad
+from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Condition, Fabric, OnePoint, Ply, drape
+from skfem_textile import Condition, Fabric, Macro, OnePoint, Ply, Quadratic, drape
 from skfem_textile.cli import main as cli
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes.tools import shear_angle
@@ -57,6 +57,23 @@ def rolled(X):
     """Points of the flat ply on a cylinder of `RADIUS`, whose axis is y."""
     angle = X[0] / RADIUS
     return np.array([RADIUS * np.sin(angle), X[1], RADIUS * (np.cos(angle) - 1)])
+
+
+def rolled_ply(n, turn=0.0, mesh=MeshQuad):
+    """A ply of 100 mm × 100 mm on this cylinder, warp rotated from x."""
+    mesh = mesh.init_tensor(*2 * [np.linspace(0, 100, n + 1)])
+    c, s = np.cos(turn), np.sin(turn)
+    fabric = Fabric(1e4, 0.1, warp=(c, s), weft=(-s, c))
+    formulation = Quadratic() if isinstance(mesh, MeshTri) else Macro()
+    ply = Ply(mesh, fabric, formulation, dimension=3)
+    return ply, drape.displacement(ply.nodes, rolled(ply.nodes))
+
+
+def case_of(scene, bending=0.0, stretch=1e4, **options):
+    """A case of a scene, in one step by default."""
+    stiffness = {"bending": (bending, bending)}
+    fabric = Fabric(stretch, 0.1, scene.warp, scene.weft, **stiffness)
+    return Case(**{"scene": scene, "fabric": fabric, "steps": 1} | options)
 
 
 # The Chebyshev net of a sphere, with great circles through the pole as first threads

@@ -7,20 +7,9 @@ import numpy as np
 import pytest
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Fabric, Ply, Quadratic, drape
+from skfem_textile import drape
 from skfem_textile.io import read_tool_mesh, write_fibres
-from tests.helpers.tools import SPHERE, exact_shear_angle, on_net, rolled
-
-
-def on_cylinder(n=24, turn=0.0, mesh=MeshQuad):
-    """A ply of 100 mm × 100 mm rolled onto the cylinder, warp rotated from x."""
-    mesh = mesh.init_tensor(*2 * [np.linspace(0, 100, n + 1)])
-    c, s = np.cos(turn), np.sin(turn)
-    fabric = Fabric(1e4, 0.1, warp=(c, s), weft=(-s, c))
-    formulation = Quadratic() if isinstance(mesh, MeshTri) else None
-    arguments = () if formulation is None else (formulation,)
-    ply = Ply(mesh, fabric, *arguments, dimension=3)
-    return ply, drape.displacement(ply.nodes, rolled(ply.nodes))
+from tests.helpers.tools import SPHERE, exact_shear_angle, on_net, rolled, rolled_ply
 
 
 def tool(mapping, low, high, n, quads=True):
@@ -38,7 +27,7 @@ def test_fibres_on_a_cylinder_keep_their_angle_to_its_axis(mesh, quads):
     """Up to the second-order error of chords in place of arcs."""
     part, errors = tool(rolled, 10, 90, 17, quads), []
     for n in (12, 24):
-        ply, u = on_cylinder(n, 0.4, mesh)
+        ply, u = rolled_ply(n, 0.4, mesh)
         fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part, (0, 1, 0))
         assert fibres.covered.all()
         angles = np.array(fibres.angles_deg()) - np.degrees([[0.4 - np.pi / 2], [0.4]])
@@ -50,15 +39,9 @@ def test_fibres_on_a_cylinder_keep_their_angle_to_its_axis(mesh, quads):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.3)
 
 
-def test_fibres_along_and_around_a_cylinder_are_exact():
-    ply, u = on_cylinder()
-    fibres = drape.fibres_on_tool(
-        drape.Sheet.of_ply(ply, u), tool(rolled, 10, 90, 17), (0, 1, 0)
-    )
-    warp, weft = fibres.angles_deg()
-    np.testing.assert_allclose(warp, -90, atol=1e-8)
-    np.testing.assert_allclose(weft, 0, atol=1e-8)
-    np.testing.assert_allclose(fibres.shear_angle, 0, atol=1e-10)
+@pytest.fixture(scope="module")
+def sheet():
+    return drape.Sheet.of_ply(*rolled_ply(24))
 
 
 def in_plane(v, normal):
@@ -89,10 +72,8 @@ def test_fibres_on_a_sphere_converge_to_the_exact_net():
     assert (np.log2(np.divide(*errors)) > 1.7).all()
 
 
-def test_elements_outside_the_ply_are_not_covered():
-    ply, u = on_cylinder()
-    part = tool(rolled, 40, 140, 20)
-    fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part)
+def test_elements_outside_the_ply_are_not_covered(sheet):
+    fibres = drape.fibres_on_tool(sheet, tool(rolled, 40, 140, 20))
     s = np.linspace(40, 140, 21)
     s = 0.5 * (s[1:] + s[:-1])
     inside = (np.array(np.meshgrid(s, s)) < 100).all(axis=0)
@@ -100,10 +81,8 @@ def test_elements_outside_the_ply_are_not_covered():
     assert np.isnan(fibres.angles_deg()).any(axis=0).sum() == (~inside).sum()
 
 
-def test_the_edge_of_the_ply_equals_the_edge_of_the_flat_ply():
+def test_the_edge_of_the_ply_equals_the_edge_of_the_flat_ply(sheet):
     """Also for points above it, such as points of a tool above its chords."""
-    ply, u = on_cylinder(24)
-    sheet = drape.Sheet.of_ply(ply, u)
     s = np.linspace(10, 90, 33)
     for beyond, is_found in ((-0.02, True), (0.02, False)):
         for X in ([s, 0 * s - beyond], [s, 0 * s + 100 + beyond]):
@@ -114,10 +93,8 @@ def test_the_edge_of_the_ply_equals_the_edge_of_the_flat_ply():
     assert on_edge.distance.max() > 0.005
 
 
-def test_a_small_reach_excludes_the_other_side_of_a_thin_tool():
-    ply, u = on_cylinder()
+def test_a_small_reach_excludes_the_other_side_of_a_thin_tool(sheet):
     below = tool(lambda X: rolled(X) - [[0], [0], [0.8]], 10, 40, 6)
-    sheet = drape.Sheet.of_ply(ply, u)
     assert drape.fibres_on_tool(sheet, below).covered.all()
     with pytest.raises(ValueError, match="no element of the tool is within reach"):
         drape.fibres_on_tool(sheet, below, reach=0.4)
@@ -128,9 +105,8 @@ def test_a_small_reach_excludes_the_other_side_of_a_thin_tool():
     ("depths", "nearer"),
     [((0.1, 0.8), 0), ((1.5, 2.5), 0), ((-0.5, 0.5), 0), ((-0.8, 0.4), 1)],
 )
-def test_of_two_skins_one_has_fibres(upwards, depths, nearer):
+def test_of_two_skins_one_has_fibres(sheet, upwards, depths, nearer):
     """The nearer or the upper one, also if elements face the ply with their backs."""
-    ply, u = on_cylinder()
     skins = [
         tool(lambda X, d=depth: rolled(X) - [[0], [0], [d]], 10, 40, 6)
         for depth in depths
@@ -139,7 +115,7 @@ def test_of_two_skins_one_has_fibres(upwards, depths, nearer):
     cells = [skins[0].cells[0], skins[1].cells[0][:: 1 if upwards else -1] + n]
     points = np.hstack([skin.points for skin in skins])
     both = drape.ToolMesh(points, (np.hstack(cells),))
-    covered = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), both, reach=4.0).covered
+    covered = drape.fibres_on_tool(sheet, both, reach=4.0).covered
     np.testing.assert_array_equal(covered, np.repeat([nearer == 0, nearer == 1], 36))
 
 
@@ -198,10 +174,14 @@ def test_a_tool_is_read_in_the_order_of_its_file(tmp_path):
     np.testing.assert_array_equal(read.cells[1], part.cells[0])
 
 
-def test_files_contain_the_same_fibres_and_mark_uncovered_elements(tmp_path):
-    ply, u = on_cylinder(12, 0.3)
-    part = tool(rolled, 60, 120, 8)
-    fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part, (0, 1, 0))
+@pytest.fixture(scope="module")
+def fibres():
+    """In a part that the ply covers in part."""
+    sheet = drape.Sheet.of_ply(*rolled_ply(12, 0.3))
+    return drape.fibres_on_tool(sheet, tool(rolled, 60, 120, 8), (0, 1, 0))
+
+
+def test_files_contain_the_same_fibres_and_mark_uncovered_elements(tmp_path, fibres):
     for suffix in ("vtu", "csv", "inp"):
         write_fibres(tmp_path / f"fibres.{suffix}", fibres)
     angles = np.array([*fibres.angles_deg(), np.degrees(fibres.shear_angle)])
@@ -233,10 +213,7 @@ def orientation(lines, name):
     return axes
 
 
-def test_a_deck_has_both_axes_of_each_element_in_space(tmp_path):
-    ply, u = on_cylinder(12, 0.3)
-    part = tool(rolled, 60, 120, 8)
-    fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part)
+def test_a_deck_has_both_axes_of_each_element_in_space(tmp_path, fibres):
     write_fibres(tmp_path / "fibres.inp", fibres)
     lines = (tmp_path / "fibres.inp").read_text().splitlines()
     for name, family in (("WARP", fibres.warp), ("WEFT", fibres.weft)):
@@ -250,13 +227,13 @@ def test_a_deck_has_both_axes_of_each_element_in_space(tmp_path):
     first = [int(word) for word in left[0].split(",")]
     assert first == (1 + np.flatnonzero(~fibres.covered))[:16].tolist()
     read = read_tool_mesh(tmp_path / "fibres.inp")
-    np.testing.assert_array_equal(read.points, part.points)
-    np.testing.assert_array_equal(read.cells[0], part.cells[0])
+    np.testing.assert_array_equal(read.points, fibres.mesh.points)
+    np.testing.assert_array_equal(read.cells[0], fibres.mesh.cells[0])
 
 
 def test_fibres_on_the_ply_itself_are_in_the_users_elements(tmp_path):
     """Angles are seen from the upper side of the flat ply."""
-    ply, u = on_cylinder(12, 0.3)
+    ply, u = rolled_ply(12, 0.3)
     fibres = drape.fibres_on_ply(ply, u, (0, 1, 0))
     assert fibres.mesh.n_elements == 144
     warp, weft = fibres.angles_deg()

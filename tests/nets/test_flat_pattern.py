@@ -1,25 +1,18 @@
 """Flat patterns of trimmed parts, against exact solutions."""
 
-import csv
 from dataclasses import replace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Ply, drape
+from skfem_textile import drape
 from skfem_textile.io import write_pattern
-from tests.helpers.tools import SPHERE, on_net, rolled
+from tests.helpers.tools import SPHERE, on_net, rolled, rolled_ply
 
 
 def on_cylinder(n):
-    """A ply of 100 mm × 100 mm with its nodes on the cylinder, warp at 0.4."""
-    mesh = MeshQuad.init_tensor(*2 * [np.linspace(0, 100, n + 1)])
-    warp, weft = (np.cos(0.4), np.sin(0.4)), (-np.sin(0.4), np.cos(0.4))
-    ply = Ply(mesh, Fabric(1e4, 0.1, warp, weft), dimension=3)
-    u = drape.displacement(ply.nodes, rolled(ply.nodes))
-    return drape.Sheet.of_ply(ply, u)
+    return drape.Sheet.of_ply(*rolled_ply(n, 0.4))
 
 
 def circle(n, middle=50.0, radius=30.0):
@@ -77,9 +70,14 @@ def holed_tool():
     return drape.ToolMesh(rolled(mesh.p), (t,))
 
 
-def test_the_boundary_of_a_tool_is_its_outline_and_its_holes():
+@pytest.fixture(scope="module")
+def patterns():
     sheet = on_cylinder(20)
-    outer, hole = (drape.flat_pattern(sheet, c) for c in holed_tool().boundary())
+    return [drape.flat_pattern(sheet, c) for c in holed_tool().boundary()]
+
+
+def test_the_boundary_of_a_tool_is_its_outline_and_its_holes(patterns):
+    outer, hole = patterns
     assert outer.area == pytest.approx(3600, rel=1e-4)
     assert hole.area == pytest.approx(400, rel=1e-4)
     assert outer.length == pytest.approx(240, rel=1e-4)
@@ -102,95 +100,22 @@ def test_curves_that_come_near_themselves_are_accepted(side):
     assert pattern.area == pytest.approx(3600 - 0.2 * 55 / 2, rel=1e-4)
 
 
-@pytest.fixture(scope="module")
-def patterns():
-    sheet = on_cylinder(20)
-    return [drape.flat_pattern(sheet, c) for c in holed_tool().boundary()]
-
-
-def test_a_csv_has_outline_lengths_fibres_and_points_on_the_tool(tmp_path, patterns):
-    write_pattern(tmp_path / "pattern.csv", patterns)
-    with open(tmp_path / "pattern.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    for number, pattern in enumerate(patterns, 1):
-        outline = [row for row in rows if row["curve"] == str(number)]
-        for names, values in (
-            (("x", "y"), pattern.outline),
-            (("tool_x", "tool_y", "tool_z"), pattern.on_tool),
-        ):
-            table = [[float(row[name]) for row in outline] for name in names]
-            np.testing.assert_array_equal(table, values)
-        last = np.linalg.norm(pattern.outline[:, -1] - pattern.outline[:, 0])
-        assert float(outline[-1]["along"]) + last == pytest.approx(pattern.length)
-        angle = [float(row["weft_angle_deg"]) for row in outline]
-        np.testing.assert_allclose(angle, 90 + np.degrees(0.4))
-    write_pattern(tmp_path / "one.csv", patterns[0])
-    assert (tmp_path / "one.csv").read_text().count("\n") == 1 + len(
-        patterns[0].outline.T
-    )
-
-
-def test_an_svg_has_full_size(tmp_path, patterns):
-    write_pattern(tmp_path / "pattern.svg", patterns)
-    root = ElementTree.parse(tmp_path / "pattern.svg").getroot()
-    box = [float(x) for x in root.get("viewBox").split()]
-    assert root.get("width") == f"{box[2]:g}mm"
-    name = "{http://www.w3.org/2000/svg}"
-    polygons = root.findall(f"{name}polygon")
-    for polygon, pattern in zip(polygons, patterns, strict=True):
-        points = [p.split(",") for p in polygon.get("points").split()]
-        x, y = np.array(points, dtype=float).T
-        np.testing.assert_allclose([x, -y], pattern.outline, atol=1e-3)
-    warp = root.find(f"{name}line")
-    ends = [float(warp.get(key)) for key in ("x1", "y1", "x2", "y2")]
-    turn = np.arctan2(-(ends[3] - ends[1]), ends[2] - ends[0])
-    assert turn == pytest.approx(0.4, abs=1e-3)
-
-
-def test_a_dxf_has_outlines_and_fibres_on_separate_layers(tmp_path, patterns):
+def test_a_dxf_has_outlines_seams_and_fibres_on_separate_layers(tmp_path, patterns):
     ezdxf = pytest.importorskip("ezdxf")
-    write_pattern(tmp_path / "pattern.dxf", patterns)
+    outer, hole = patterns
+    flat = [outer.outline[:, k : k + 5] for k in (0, 9)]
+    seams = tuple(drape.SeamLine(7, x, np.zeros((3, 5))) for x in flat)
+    write_pattern(tmp_path / "pattern.dxf", [replace(outer, seams=seams), hole])
     drawing = ezdxf.readfile(tmp_path / "pattern.dxf")
     assert drawing.units == 4  # mm
-    lines = list(drawing.modelspace().query("LWPOLYLINE[layer=='CUT']"))
-    for line, pattern in zip(lines, patterns, strict=True):
-        assert line.closed
-        points = np.array([p[:2] for p in line.get_points()]).T
-        np.testing.assert_array_equal(points, pattern.outline)
-    (warp,) = drawing.modelspace().query("LINE[layer=='WARP']")
+    space = drawing.modelspace()
+    for layer, curves in (("CUT", [outer.outline, hole.outline]), ("SEAM", flat)):
+        lines = space.query(f"LWPOLYLINE[layer=='{layer}']")
+        for line, curve in zip(lines, curves, strict=True):
+            assert line.closed == (layer == "CUT")
+            points = np.array([p[:2] for p in line.get_points()]).T
+            np.testing.assert_array_equal(points, curve)
+    assert [text.dxf.text for text in space.query("TEXT[layer=='SEAM']")] == ["7", "7"]
+    (warp,) = space.query("LINE[layer=='WARP']")
     along = warp.dxf.end - warp.dxf.start
     assert np.arctan2(along.y, along.x) == pytest.approx(0.4)
-
-
-def test_seam_lines_are_in_all_files_with_their_numbers(tmp_path, patterns):
-    ezdxf = pytest.importorskip("ezdxf")
-    lines = [
-        drape.SeamLine(7, patterns[0].outline[:, k : k + 5], np.full((3, 5), 2.0 * k))
-        for k in (0, 9)
-    ]
-    files = [tmp_path / f"pattern.{kind}" for kind in ("csv", "svg", "dxf")]
-    for file in files:
-        write_pattern(file, replace(patterns[0], seams=tuple(lines)))
-    with open(files[0], newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["seam"] == "7"]
-    assert [row["curve"] for row in rows] == ["2"] * 5 + ["3"] * 5
-    x = [float(row["x"]) for row in rows]
-    np.testing.assert_array_equal(x, np.hstack([line.flat[0] for line in lines]))
-    assert float(rows[-1]["tool_z"]) == 18.0
-    name = "{http://www.w3.org/2000/svg}"
-    root = ElementTree.parse(files[1]).getroot()
-    drawn = root.findall(f"{name}polyline")
-    for polyline, line in zip(drawn, lines, strict=True):
-        points = [p.split(",") for p in polyline.get("points").split()]
-        np.testing.assert_allclose(
-            np.array(points, dtype=float).T * [[1], [-1]], line.flat, atol=1e-3
-        )
-    assert [text.text for text in root.findall(f"{name}text")][:2] == ["7", "7"]
-    space = ezdxf.readfile(files[2]).modelspace()
-    for polyline, line in zip(
-        space.query("LWPOLYLINE[layer=='SEAM']"), lines, strict=True
-    ):
-        assert not polyline.closed
-        points = np.array([p[:2] for p in polyline.get_points()]).T
-        np.testing.assert_array_equal(points, line.flat)
-    assert [t.dxf.text for t in space.query("TEXT[layer=='SEAM']")] == ["7", "7"]

@@ -26,11 +26,6 @@ def solve(scene, law=0.5, C_s=5.0, steps=2):
     return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
 
 
-@pytest.mark.parametrize(("law", "known"), [(Sin2(0.5), 34.04), (Linear(0.5), 43.80)])
-def test_the_force_is_the_force_of_inextensible_fibres(law, known):
-    assert force(law, GAMMA, WIDTH, 2 * WIDTH) == pytest.approx(known, abs=0.005)
-
-
 @pytest.mark.parametrize("law", [Sin2(0.5), Linear(0.5)])
 @pytest.mark.parametrize("sides", [(50.0, 120.0), (40.0, 130.0)])
 @pytest.mark.parametrize("degrees", [35.0, 45.0, 50.0])
@@ -63,20 +58,6 @@ def test_the_force_is_the_rate_of_the_energy_of_the_three_zones(law, sides, degr
     assert scene.load(law, 1.0) == force(law, GAMMA, W, H, theta)
 
 
-def test_the_zones_are_in_equilibrium_where_the_ply_is_just_high_enough():
-    """Free fibres have a constant moment along their length: Euler-Lagrange."""
-    theta = np.radians(40.0)
-    scene = bias_extension(warp=theta, weft=np.pi - theta)
-    low, high = WIDTH / (2 * np.cos(theta)), WIDTH / np.cos(theta)
-    across = (np.arange(4000) + 0.5) * high / 4000  # from side to side
-    warp, weft = np.array(scene.warp)[:, None], np.array(scene.weft)[:, None]
-    moments = [
-        scene.shear_angle(s1 * warp + (s1 - across) * weft, 1.0).mean()
-        for s1 in np.linspace(low, high, 7)[1:-1]
-    ]
-    np.testing.assert_allclose(moments, 0.75 * GAMMA, rtol=1e-3)
-
-
 @pytest.mark.parametrize("t", [0.4, 1.0])
 @pytest.mark.parametrize("degrees", [35.0, 45.0, 50.0])
 def test_the_exact_motion_stretches_no_fibre_and_has_uniform_shear_zones(t, degrees):
@@ -98,18 +79,19 @@ def test_the_exact_motion_stretches_no_fibre_and_has_uniform_shear_zones(t, degr
     np.testing.assert_allclose(top, [[0.0] * 3, [delta] * 3], atol=1e-12)
 
 
-@pytest.mark.parametrize(("law", "bound"), [(Linear(0.5), 0.04), (Sin2(0.5), 0.06)])
-def test_one_stabilised_point_gives_the_load_on_a_jittered_mesh(law, bound):
-    summary = solve(bias_extension(size=(16, 32)), law)
+@pytest.mark.parametrize(
+    ("law", "degrees", "bound"),
+    [
+        (Linear(0.5), 45.0, 0.04),
+        (Sin2(0.5), 45.0, 0.06),
+        (Linear(0.5), 40.0, 0.04),
+        (Linear(0.5), 50.0, 0.04),
+    ],
+)
+def test_one_stabilised_point_gives_the_load_on_a_jittered_mesh(law, degrees, bound):
+    fibres = {"warp": np.radians(degrees), "weft": np.radians(180 - degrees)}
+    summary = solve(bias_extension(size=(16, 32), **fibres), law)
     assert summary["load_over_exact"] == pytest.approx(1.0, abs=bound)
-    assert summary["stable"]
-
-
-@pytest.mark.parametrize("degrees", [40.0, 50.0])
-def test_fibres_may_cross_at_another_angle(degrees):
-    theta = np.radians(degrees)
-    summary = solve(bias_extension(size=(16, 32), warp=theta, weft=np.pi - theta))
-    assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.04)
     assert summary["stable"]
 
 
@@ -134,13 +116,6 @@ def test_half_a_ply_on_a_roller_agrees_with_the_whole(degrees):
             assert other[name] == pytest.approx(one[name], rel=1e-6)
         assert other["reaction_y"] == pytest.approx(one["reaction_y"] / 2, rel=1e-6)
         assert other["energy"] == pytest.approx(one["energy"] / 2, rel=1e-6)
-
-
-def test_the_exact_motion_of_half_a_ply_stays_on_its_axis():
-    scene = bias_extension(size=(8, 32), part="half")
-    axis = scene.mesh.p[:, scene.mesh.p[0] == WIDTH / 2]
-    assert axis.shape == (2, 33)
-    np.testing.assert_allclose(scene.displacement(axis, 1.0)[0], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

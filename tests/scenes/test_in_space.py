@@ -12,17 +12,17 @@ from skfem_textile.scenes import Case, buckling, cantilever
 pytestmark = pytest.mark.usefixtures("no_interval")
 
 
-def fabric(scene, **stiffnesses):
-    return Fabric(1e5, 0.1, scene.warp, scene.weft, **stiffnesses)
+def summary_of(scene, steps=1):
+    fabric = Fabric(1e5, 0.1, scene.warp, scene.weft, bending=(6.0, 6.0))
+    case = Case(scene=scene, fabric=fabric, steps=steps)
+    return case.summary(case.run())
 
 
 @pytest.mark.parametrize("weight", [pytest.param(6e-7, marks=pytest.mark.slow), 6e-6])
 def test_a_cantilever_agrees_with_the_elastica(weight):
     errors = []
     for n in (8, 16):
-        scene = cantilever(size=(n, 2), weight=weight)
-        case = Case(scene=scene, fabric=fabric(scene, bending=(6.0, 6.0)), steps=1)
-        summary = case.summary(case.run())
+        summary = summary_of(cantilever(size=(n, 2), weight=weight))
         assert summary["reaction_z"] == pytest.approx(weight * 200 * 25)
         errors.append(summary["tip_error_over_length"])
     assert errors[1] < 1e-3
@@ -30,18 +30,13 @@ def test_a_cantilever_agrees_with_the_elastica(weight):
 
 
 def test_peirces_formula_overestimates_the_stiffness_at_large_deflections():
-    scene = cantilever(size=(32, 2))
-    case = Case(scene=scene, fabric=fabric(scene, bending=(6.0, 6.0)), steps=1)
-    summary = case.summary(case.run())
+    summary = summary_of(cantilever(size=(32, 2)))
     assert summary["chord_angle_deg"] == pytest.approx(41.49, abs=0.05)
     assert summary["bending_by_peirce_N_mm"] == pytest.approx(6.0 * 1.0575, rel=2e-3)
 
 
 def test_a_strip_buckles_and_agrees_with_the_elastica():
-    scene = buckling()
-    case = Case(scene=scene, fabric=fabric(scene, bending=(6.0, 6.0)), steps=2)
-    result = case.run()
-    summary = case.summary(result)
+    summary = summary_of(buckling(), steps=2)
     assert summary["path_resolved"]
     assert summary["stable"]
     assert summary["buckling_force_N_per_mm"] == pytest.approx(6.0 * (np.pi / 100) ** 2)

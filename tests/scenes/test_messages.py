@@ -42,10 +42,9 @@ BIAS = [
             {"warp": np.radians(warp), "weft": np.radians(weft)},
             "symmetric about the loading direction",
         )
-        for warp, weft in ((40, 130), (135, 45), (0, 180), (90, 90))
+        for warp, weft in ((40, 130), (135, 45), (0, 180))
     ),
     ({"warp": np.nan, "weft": 2.4}, "symmetric about the loading direction"),
-    ({"warp": 0.8, "weft": np.inf}, "symmetric about the loading direction"),
     ({"part": "third"}, "unknown part 'third': choose one of whole, half"),
     (
         {"mesh": rectangle(50, 100, (4, 8)).translated((1.0, 0.0))},
@@ -104,7 +103,7 @@ STRIP = [
 OTHERS = [
     *(
         (picture_frame, {"shear_angle": np.radians(degrees)}, "would fold")
-        for degrees in (90.0, 120.0, 300.0, 360.0, 400.0)
+        for degrees in (90.0, 360.0)
     ),
     (picture_frame, {"side": 140.0, "frame": 100.0}, "longer than the side of the fr"),
     (cantilever, {"length": 0.0}, "length must be positive"),

@@ -128,9 +128,6 @@ every_crimp = pytest.mark.parametrize(
         for k in range(3)
     ],
 )
-every_formulation = pytest.mark.parametrize(
-    "formulation", FORMULATIONS_ON_MESHES.values(), ids=FORMULATIONS_ON_MESHES
-)
 
 
 @cache
@@ -194,37 +191,6 @@ def test_a_free_weft_contracts_as_the_warp_straightens(
     assert np.ptp(y) == pytest.approx(HEIGHT * np.exp(weft), rel=1e-8)
     if parameters[1][0] > 0:
         assert weft < -1e-3  # the crimp that the warp has lost
-
-
-@every_formulation
-def test_families_without_crimp_have_separate_laws(formulation):
-    E, _, K, toe, k = PARAMETERS["unbalanced"]
-    pulls = [
-        stretched(law, *formulation, 0.02, 0.01)
-        for law in (
-            CrimpInterchange(E, 0.0, K, toe, k),
-            tuple(CrimpToe(E_i, toe, k) for E_i in E),
-        )
-    ]
-    coupled, alone = (result.states[-1] for result in pulls)
-    assert coupled.energies == pytest.approx(alone.energies, rel=1e-9)
-    for edge in ("right", "top"):
-        assert coupled.reactions[edge] == pytest.approx(
-            alone.reactions[edge], rel=1e-9, abs=1e-9
-        )
-
-
-def test_stretching_the_weft_stiffens_the_warp():
-    """At a warp strain of 1 %, for three ratios of strains."""
-    law = CrimpInterchange(*PARAMETERS["balanced"])
-    tensions = [
-        stretched(law, Macro(), "irregular", 0.01, weft)
-        .states[-1]
-        .reactions["right"][0]
-        for weft in (-0.01, 0.0, 0.01)
-    ]
-    assert tensions[1] > 1.3 * tensions[0]
-    assert tensions[2] > 1.3 * tensions[1]
 
 
 # Stretch of a crimped fabric along the bisector of its fibres

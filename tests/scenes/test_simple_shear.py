@@ -101,7 +101,7 @@ def test_other_fibres_and_outlines_have_no_exact_force():
         ({"across": "gap", "tension": 1.0}, "requires a clamp that moves freely"),
         ({"tension": -1.0}, "the tension must be 0 or positive, got -1 N/mm"),
         ({"tension": np.inf}, "the tension must be 0 or positive"),
-        ({"height": 0.0}, "the sides must be positive"),
+        ({"height": 0.0}, "the height must be positive, got 0 mm"),
     ],
 )
 def test_invalid_parameters_are_refused(options, text):

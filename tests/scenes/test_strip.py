@@ -5,7 +5,6 @@ from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.mesh.scikit_fem import with_names
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers import forces_of
 
 pytestmark = pytest.mark.usefixtures("no_interval")
 
@@ -50,25 +49,12 @@ def test_the_reference_is_reached(case):
         assert summary[key] == pytest.approx(expected, rel=1e-4), key
 
 
-def test_the_generator_gives_the_reference_nodes():
-    nodes = strip().mesh.p.T
-    np.testing.assert_allclose(nodes[1], [5.081112871182, 0.0], atol=1e-12)
-    np.testing.assert_allclose(nodes[12], [3.591356119598, 4.837706852462], atol=1e-12)
-    np.testing.assert_allclose(nodes[21], [40.0, 3.94497761353], atol=1e-12)
-
-
 @pytest.mark.parametrize("kind", ["aligned", "horizontal"])
 def test_meshes_along_the_warp_do_not_lock(kind):
     scene = strip(kind)
     summary = scene.summary(run(scene, Full()))
     assert summary["max_fibre_strain"] < 1e-9
     assert abs(summary["reaction_x"]) < 1e-5
-
-
-def test_meshes_along_the_weft_lock():
-    scene = strip("vertical")
-    summary = scene.summary(run(scene, Full()))
-    assert summary["max_fibre_strain"] > 1e-3
 
 
 def test_one_point_and_stabilisation_unlock():
@@ -84,6 +70,11 @@ def test_one_point_and_stabilisation_unlock():
     locked, _, unlocked = ends
     assert unlocked["max_fibre_strain"] < locked["max_fibre_strain"] / 20
     assert unlocked["energy"] < locked["energy"] / 100
+
+
+def test_meshes_along_the_weft_lock():
+    scene = strip("vertical")
+    assert scene.summary(run(scene, Full()))["max_fibre_strain"] > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -120,24 +111,6 @@ def test_the_exact_motion_stretches_no_fibre():
         X = scene.mesh.p[:, scene.mesh.t].mean(axis=1)
         error = ply.shear_angle(u, centre)[:, 0] - scene.shear_angle(X, t)
         assert np.abs(error).max() < 1e-4
-
-
-def test_shear_energy_equals_the_work_of_the_reactions():
-    """Ψ = 40 ∫ w(tY/R) dY for stiff fibres, and the reactions do that work."""
-    scene = strip("aligned", (1, 60))
-    G, steps = 0.5, 20
-    result = run(scene, Full(), G, steps, E=1e8)
-    exact = 40 * G / 2 * 60**3 / 3 / 55**2
-    assert result.summary()["energy"] == pytest.approx(exact, rel=2e-4)
-
-    ply, right = result.ply, scene.mesh.p[0] == 40
-    forces = [forces_of(result, i)[0, right] for i in range(len(result.states))]
-    moves = [ply.nodal(s.u)[0, right] for s in result.states]
-    work = sum(
-        (forces[i] + forces[i + 1]) @ (moves[i + 1] - moves[i]) / 2
-        for i in range(steps)
-    )
-    assert work == pytest.approx(exact, rel=2e-3)
 
 
 def test_long_meshes_are_constrained_at_their_edges_only():

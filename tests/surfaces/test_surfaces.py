@@ -26,6 +26,7 @@ from skfem_textile.surfaces.surface import (
     onto,
 )
 from tests.helpers import graph, sphere
+from tests.helpers.tools import plate
 
 RNG = np.random.default_rng(1)
 
@@ -150,11 +151,10 @@ def test_a_surface_grows_out_of_its_tangent_plane():
     np.testing.assert_allclose(half.hessian(x), larger.hessian(x))
 
 
-@pytest.mark.parametrize("form", ["binary", "ascii"])
-def test_normals_of_an_stl_file_agree_with_the_sphere(tmp_path, form):
+def test_normals_of_an_stl_file_agree_with_the_sphere(tmp_path):
     p, t = sphere(1500)
     file = tmp_path / "sphere.stl"
-    meshio.Mesh(100 * p.T, [("triangle", t.T)]).write(file, binary=form == "binary")
+    meshio.Mesh(100 * p.T, [("triangle", t.T)]).write(file, binary=True)
     surface = read_surface(file)
     x = RNG.standard_normal((3, 1000))
     n = x / np.linalg.norm(x, axis=0)
@@ -193,50 +193,15 @@ def test_triangles_on_a_surface_cover_it(surface):
     assert count.max() == 2
     outer = x[:, pairs[:, count == 1].ravel()]
     assert (np.abs(outer).max(axis=0) > 0.95).all()  # at the box alone
-
-
-def test_a_surface_beside_the_box_has_no_triangles_there():
-    sphere = drape.Sphere(1.0, (9, 9, 9))
-    x, t = drape.triangles_on(sphere, np.full(3, -1.0), np.full(3, 1.0), 8)
-    assert x.shape == (3, 0)
-    assert t.shape == (3, 0)
-
-
-# Meshes of triangles as tools: edges, and evaluation by a ply
-
-
-SIDE, CELLS = 60.0, 20
-
-
-def bowl():
-    """A shallow bowl over a square of triangles."""
-    s = np.linspace(-SIDE / 2, SIDE / 2, CELLS + 1)
-    return drape.TriangleMesh(*graph(s, lambda x, y: (x**2 + y**2) / 200))
-
-
-def on_bowl(x, y):
-    x, y = np.broadcast_arrays(x, y)
-    return np.array([x, y, (x**2 + y**2) / 200])
-
-
-@pytest.mark.parametrize("distance", [1.0, 5.0, 40.0])
-def test_points_beyond_edges_and_corners_have_their_distance(distance):
-    side = SIDE / 2
-    x = on_bowl(
-        np.array([side + distance, -side - distance, 7.3, side + distance]),
-        np.array([0.0, 11.1, side + distance, side + distance]),
-    )
-    beyond = bowl().beyond_edges(x)
-    flat = distance * np.array([1, 1, 1, np.sqrt(2)])
-    assert (beyond > 0.9 * flat).all()
-    assert (beyond < 1.2 * flat).all()
+    beside, none = drape.triangles_on(surface, np.full(3, 8.0), np.full(3, 9.0), 8)
+    assert beside.shape == none.shape == (3, 0)
 
 
 def test_derivatives_at_the_same_points_are_computed_once(monkeypatch):
-    tool, calls = bowl(), []
+    tool, calls = drape.TriangleMesh(*plate(n=15)), []
     mean = tool._quadrics.mean
     monkeypatch.setattr(tool._quadrics, "mean", lambda x: calls.append(1) or mean(x))
-    x = on_bowl(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    x = np.array([[1.0, 2.0], [3.0, 4.0], [0.05, 0.1]])
     level, gradient, hessian = tool.level(x), tool.gradient(x), tool.hessian(x.copy())
     assert len(calls) == 1
     moved = x.copy()
@@ -297,7 +262,6 @@ def height(function):
 
 
 SPHERE = drape.Sphere(150.0, (0, 0, -150))
-TORUS = drape.Torus(200.0, 80.0, (200.0, 0.0, 0.0), (0, 1, 0))
 DOME = drape.double_dome()
 
 
@@ -346,13 +310,9 @@ def test_the_message_contains_both_numbers_at_the_position():
 SOUND = {
     "plane above": drape.Plane((0, 0, 40.0), (0.1, 0.2, 1)),
     "pole in the middle": drape.Sphere(150.0, (50.0, 50.0, -150.0)),
-    "equator": drape.Sphere(60.0, (0, 0, -60)),
-    "large sphere": drape.Sphere(1e6, (0, 0, -1e6)),
     "tip": drape.Cone(0.8, (50.0, 50.0, 0.0), (0, 0, -1)),
     "tip at a node": drape.Cone(0.8, (0.0, 0.0, 0.0), (0, 0, -1)),
     "on the axis of a torus": drape.Torus(60.0, 20.0, (50.0, 50.0, -20.0)),
-    "torus": TORUS,
-    "double dome": DOME,
     "grown": GrowingSurface(SPHERE, np.zeros(3), 0.3),
     "not grown": GrowingSurface(SPHERE, np.zeros(3), 0.0),
     "parabola on one side alone": height(
@@ -368,10 +328,7 @@ SOUND = {
     "not beyond the nodes": height(
         lambda x, y, o: (np.sqrt(x), 0.5 / np.sqrt(x), o, -0.25 * x**-1.5, o, o)
     ),
-    **{
-        f"{error.__name__} beyond the nodes": Limited(error, lambda x: x[0].max() > 100)
-        for error in (RuntimeError, ValueError, KeyError, OverflowError)
-    },
+    "an error beyond the nodes": Limited(ValueError, lambda x: x[0].max() > 100),
 }
 
 
@@ -431,14 +388,6 @@ def test_surfaces_that_fail_beside_the_nodes_are_refused(surface, message, cause
     with pytest.raises(ValueError, match=f"'tool': {message}") as error:
         LoadStepper(body, {"tool": OnSurface(surface)}, 1).run()
     assert isinstance(error.value.__cause__, cause)
-
-
-def test_a_surface_that_fails_beside_the_nodes_has_no_checkpoint(tmp_path):
-    surface = OnSurface(Limited(KeyError, lambda x: x[0].max() > 100))
-    held = {"tool": surface, "x": Condition([0], (0.0, 0.0, None))}
-    options = {"checkpoint": tmp_path / "run"}
-    with pytest.raises(ValueError, match=f"'tool': {RAISED} KeyError: 'beyond"):
-        LoadStepper(ply(bending=(5.0, 5.0)), held, 1, **options).run()
 
 
 @pytest.mark.parametrize(("error", "low"), [(RuntimeError, -2), (KeyError, -30)])

@@ -51,6 +51,10 @@ def soup(x, t, scatter=0.0, seed=0):
     return corners + noise, np.arange(corners.shape[1]).reshape(-1, 3).T
 
 
+def mean_edge(x, t):
+    return np.linalg.norm(x[:, t[0]] - x[:, t[1]], axis=0).mean()
+
+
 def flipped(t, share, seed=0):
     """Triangles of which a share is reversed at random."""
     reverse = np.random.default_rng(seed).random(t.shape[1]) < share
@@ -81,7 +85,7 @@ def outline(tool):
 def test_scattered_vertices_are_sewn(name, scatter):
     """Relative to the mean edge; the mean of six copies scatters less than each."""
     x, t = SMALL[name]
-    edge = np.linalg.norm(x[:, t[0]] - x[:, t[1]], axis=0).mean()
+    edge = mean_edge(x, t)
     clean = drape.TriangleMesh(x, t)
     tool = drape.TriangleMesh(*soup(x, t, scatter * edge))
     assert tool.facets.points.shape == x.shape
@@ -138,9 +142,16 @@ def test_faces_of_different_triangles_are_sewn_along_their_seam(sizes):
     assert not tool.beyond_edges(x).any()
 
 
-def test_triangles_that_do_not_meet_are_rejected():
-    with pytest.raises(MeshError, match="do not meet: the gaps between them"):
-        drape.TriangleMesh(*soup(*BONNET, 0.5 * EDGE))
+@pytest.mark.parametrize(
+    ("scatter", "message"),
+    [
+        (0.5, "the gaps between them"),
+        (0.16, r"3\.\d+ mm, 0\.3\d? of the mean edge, and"),
+    ],
+)
+def test_triangles_that_do_not_meet_are_rejected(scatter, message):
+    with pytest.raises(MeshError, match=f"do not meet: .*{message}"):
+        drape.TriangleMesh(*soup(*BONNET, scatter * EDGE))
 
 
 # Sides
@@ -276,7 +287,7 @@ def test_clean_shapes_have_no_noise(name):
 @pytest.mark.parametrize("name", ["plate", "hat", "saddle", "double dome"])
 def test_the_standard_deviation_of_noise_is_measured(name, noise):
     x, t = SMALL[name]
-    edge = np.linalg.norm(x[:, t[0]] - x[:, t[1]], axis=0).mean()
+    edge = mean_edge(x, t)
     rng = np.random.default_rng(4)
     tool = drape.TriangleMesh(x + noise * edge * rng.standard_normal(x.shape), t)
     words = remark(tool, "scatter by").split()
@@ -295,7 +306,7 @@ def shear(tool):
 def test_noise_changes_shear_angles_by_less_than_reported(noise):
     """By 150° times the noise relative to the mean edge; up to 125° here."""
     x, t = hat(150.0, flange=30.0, bow=400.0, size=6.0)
-    edge = np.linalg.norm(x[:, t[0]] - x[:, t[1]], axis=0).mean()
+    edge = mean_edge(x, t)
     rng = np.random.default_rng(0)
     tool = drape.TriangleMesh(x + noise * edge * rng.standard_normal(x.shape), t)
     reported = float(remark(tool, "scatter by").split()[-2])

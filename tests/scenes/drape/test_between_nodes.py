@@ -16,11 +16,10 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.scenes import Case
 from skfem_textile.scenes.draped_ply import draped_ply
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.surfaces.surface import gaps
-from tests.helpers.tools import SYMMETRY, geodesic_u
+from tests.helpers.tools import SYMMETRY, case_of, geodesic_u
 
 SIDE, TOP, SLOPE = 90.0, 40.0, np.tan(np.radians(50))
 OTHERS = "work", "stabilisation", "deviation", "corners"
@@ -151,8 +150,7 @@ def shear_by_place(fillet, cells):
         width=140.0,
         height=140.0,
     )
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    result = case_of(scene).run()
     ply, rows = result.ply, 2 * cells
     angle = np.degrees(ply.shear_angle(result.u).mean(axis=1))
     centre = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
@@ -189,8 +187,7 @@ def test_the_turn_of_the_normal_is_the_arc_angle_of_an_element():
     sphere = drape.Sphere(100.0, (0, 0, -100))
     sides = {"width": 80.0, "height": 80.0}
     scene = draped_ply("ball", sphere, "irregular", size=(4, 4), **sides)
-    fabric = Fabric(1e5, 0.1, scene.warp, scene.weft)
-    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    result = case_of(scene, stretch=1e5).run()
     turn = drape.turn_of_normal(result.ply, result.tool(1.0), result.u)
     diagonal = np.hypot(5, 5) / 100  # macro-elements have two parts a side
     assert turn[0] == pytest.approx(diagonal, rel=0.02)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, LoadStepper, Macro, OnePoint, drape, equilibrium_near
-from skfem_textile.scenes import Case, double_dome, hemisphere
+from skfem_textile import LoadStepper, Macro, OnePoint, drape, equilibrium_near
+from skfem_textile.scenes import double_dome, hemisphere
 from skfem_textile.scenes import drape as on_tool
 from skfem_textile.solve import search
 from tests.helpers import graph
-from tests.helpers.tools import chebyshev, exact_shear_angle
+from tests.helpers.tools import case_of, chebyshev, exact_shear_angle
 
 pytestmark = pytest.mark.usefixtures("coarse_net")
 
@@ -46,8 +46,7 @@ def test_the_error_of_the_shear_angle_is_estimated_on_a_sphere(formulation, cell
 def test_a_ply_without_loads_has_an_error_of_the_shear_angle(fibres):
     """At every fibre angle, with symmetry planes or a constraint at the middle."""
     scene = hemisphere(fibres=np.radians(fibres), tension=0.0, size=(3, 3))
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    result = case_of(scene, 5.0).run()
     summary = result.summary()
     assert summary["load_half_width"] is None
     assert 0.1 < summary["shear_angle_error_deg"] < 20
@@ -63,9 +62,7 @@ def test_the_interval_of_a_load_on_a_surface_contains_that_of_a_finer_mesh(scene
     """The work of the edge tension; its error and interval decrease as h²."""
     found = []
     for n in (3, 6, 9):
-        at = scene("aligned", size=(n, n))
-        fabric = Fabric(1e4, 0.1, at.warp, at.weft, bending=(5.0, 5.0))
-        result = Case(scene=at, fabric=fabric, steps=1).run()
+        result = case_of(scene("aligned", size=(n, n)), 5.0).run()
         state = result.states[-1]
         load = result.ply.load(state.u, 1.0, state.parameters)
         found.append((float(load @ state.u), result.error.load))
@@ -80,8 +77,7 @@ def test_forces_at_constrained_nodes_are_not_reported(caplog, monkeypatch):
     monkeypatch.setattr(search, "_IN_BALANCE", np.inf)
     size = {"size": (4, 4), "width": 150.0, "height": 150.0}
     scene = on_tool(skew_bump(), fibres=0.5, **size)
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    result = case_of(scene).run()
     assert result.states[-1].shares["turn_left_reaction"]["deviation"] > 0.25
     assert "turn_left" not in caplog.text
     assert "turn_right" not in caplog.text
@@ -90,8 +86,7 @@ def test_forces_at_constrained_nodes_are_not_reported(caplog, monkeypatch):
 def test_forces_at_constrained_nodes_are_not_a_load():
     """They depend on the tool, and do not vanish on a tool without symmetry."""
     scene = on_tool(skew_bump(), tension=0.0, size=(3, 3), width=150.0, height=150.0)
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    result = case_of(scene, 5.0).run()
     state = result.states[-1]
     held = max(
         np.abs(state.reactions[name]).max() for name in ("middle_x", "turn_left")

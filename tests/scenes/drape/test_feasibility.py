@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from skfem_textile import Fabric, Newton, OnSurface, StepError, drape
-from skfem_textile.scenes import Case, draped_ply
 from skfem_textile.scenes import drape as on_tool
+from skfem_textile.scenes import draped_ply
 from skfem_textile.scenes.edge_tension import net_over
 from skfem_textile.solve import search
+from tests.helpers import graph
+from tests.helpers.tools import case_of
 
 # Half a side of the top, and the height, of a box.
 TOP, HEIGHT = 60.0, 40.0
@@ -28,10 +30,7 @@ def box(slope_deg, edge=6.0):
     # Lines of the grid beyond the top run down the wall: lines beyond a corner end
     # in its edge, so that their triangles have no area.
     x, y = (a * (1 + depth * lean / TOP) for a in at)
-    size = len(k)
-    c = np.add.outer(size * np.arange(size - 1), np.arange(size - 1)).ravel()
-    t = np.hstack([[c, c + 1, c + size + 1], [c, c + size + 1, c + size]])
-    return drape.TriangleMesh(np.array([x, y, -depth]), t)
+    return drape.TriangleMesh(np.array([x, y, -depth]), graph(k, np.add)[1])
 
 
 def reported(caplog, tool, **kwargs):
@@ -74,9 +73,7 @@ def test_shear_of_smooth_curvature_is_not_reported(caplog):
     s = np.linspace(-150, 150, 31)
     X = np.array(np.meshgrid(s, s)).reshape(2, -1)
     x = drape.exponential_map(SPHERE, X * np.abs(X).max(axis=0) / np.hypot(*X + 1e-9))
-    c = np.add.outer(31 * np.arange(30), np.arange(30)).ravel()
-    t = np.hstack([[c, c + 1, c + 32], [c, c + 32, c + 31]])
-    tool = drape.TriangleMesh(x, t)
+    tool = drape.TriangleMesh(x, graph(s, np.add)[1])
     kwargs = {"width": 200.0, "height": 200.0, "size": (6, 6), "fibres": 0.3}
     scene, messages = reported(caplog, tool, **kwargs)
     net = net_over(scene.mesh.p, OnSurface(SPHERE), (0.3, 0.3 + H))
@@ -96,9 +93,7 @@ def test_a_thread_that_leaves_the_tool_is_not_a_fold(caplog, monkeypatch):
 
 def test_a_failed_drape_names_elements_and_a_remedy(caplog, monkeypatch):
     scene, _ = reported(caplog, box(89.0), size=(2, 2))
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    method = Newton(most=1)
-    stepper = Case(scene=scene, fabric=fabric, steps=1, method=method).stepper()
+    stepper = case_of(scene, method=Newton(most=1)).stepper()
     stepper.max_halvings = 0
     monkeypatch.setattr(search, "_SHORTEST_AT_REST", (0.5, 0.5))
     with pytest.raises(StepError) as error:

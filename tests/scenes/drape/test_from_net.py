@@ -7,24 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, LoadStepper, Macro, Quadratic, drape
+from skfem_textile import LoadStepper, Macro, Quadratic, drape
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_surface, write_draped, write_history
-from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
+from skfem_textile.scenes import hemisphere
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepper import Run
 from skfem_textile.surfaces.surface import distance
 from tests.helpers import tool_shapes
-from tests.helpers.tools import SMALL, plate, summary, write_sphere
+from tests.helpers.tools import SMALL, case_of, plate, summary, write_sphere
 from tests.scenes.drape.test_feasibility import box
 
 pytestmark = pytest.mark.usefixtures("no_interval", "coarse_net")
-
-
-def case_of(scene, bending=0.0, **options):
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(bending, bending))
-    return Case(scene=scene, fabric=fabric, **options)
 
 
 # Equilibrium from the net
@@ -52,7 +47,7 @@ def test_the_state_from_the_net_is_that_of_growth_with_half_of_the_solves(
     scene = hemisphere(
         size=(2, 2), width=120, height=120, fibres=fibres, tension=tension
     )
-    case = case_of(scene, bending)
+    case = case_of(scene, bending, steps=20)
     begun, ply = case.run(), case.ply()
     grown = LoadStepper(ply, scene.conditions, 2).run()
     off = ply.shear_angle(grown.u) - ply.shear_angle(begun.u)
@@ -76,7 +71,7 @@ def test_every_node_starts_on_the_tool_in_the_net(formulation):
 
 def test_a_ply_without_a_net_grows_with_the_tool():
     scene = on_tool(box(89.0), width=160.0, height=160.0, tension=0.0, size=(6, 6))
-    case = case_of(scene)
+    case = case_of(scene, steps=20)
     assert scene.initial_guess(case.ply()) is None
     assert case.stepper().load_factors[-1] == 1
     assert len(case.stepper().load_factors) == case.steps

@@ -16,13 +16,20 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.scenes import Case, double_dome
+from skfem_textile.scenes import double_dome
 from skfem_textile.solve import problem as tangent_module
 from skfem_textile.solve import search
 from skfem_textile.solve.continuation import surface_predictor
 from skfem_textile.solve.problem import Tangent
 from skfem_textile.solve.states import NoEquilibriumError
-from tests.helpers.tools import SYMMETRY, chebyshev, geodesic_u, problem_of, square
+from tests.helpers.tools import (
+    SYMMETRY,
+    case_of,
+    chebyshev,
+    geodesic_u,
+    problem_of,
+    square,
+)
 
 
 def test_a_ply_grows_with_the_surface():
@@ -53,8 +60,7 @@ def test_the_chebyshev_net_needs_one_step_of_a_few_solves(formulation):
 @pytest.mark.parametrize(("fibres", "stretch"), [(0, 1e5), (45, 1e4)])
 def test_a_double_dome_needs_one_step_of_a_few_solves(fibres, stretch):
     scene = double_dome(size=(5, 3), fibres=float(np.radians(fibres)))
-    fabric = Fabric(stretch, 0.1, scene.warp, scene.weft)
-    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    result = case_of(scene, stretch=stretch).run()
     assert result.converged
     assert len(result.states) == 2
     assert result.linear_solves <= 12  # 44 if each step starts from the previous one
@@ -165,8 +171,7 @@ def test_a_rotation_by_half_a_turn_leaves_a_draped_ply_unchanged(tension):
     """The double dome has equal constraint forces on both sides of its middle."""
     kwargs = {"width": 160.0, "height": 110.0, "size": (4, 4), "part": "whole"}
     scene = double_dome(fibres=np.radians(30), tension=tension, **kwargs)
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    result = case_of(scene, 5.0).run()
     ply, angle = result.ply, result.ply.shear_angle(result.u).mean(axis=1)
     centre = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
     across = np.linalg.norm(centre[:, :, None] + centre[:, None], axis=0).argmin(axis=0)

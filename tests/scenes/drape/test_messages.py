@@ -35,10 +35,10 @@ from tests.helpers import sphere, tool_shapes
 from tests.helpers.command_line import rejected
 from tests.helpers.tools import (
     SPHERE,
-    bump_height,
     geodesic_u,
     plate,
     rolled,
+    rolled_ply,
     run_words,
     square,
     write,
@@ -59,12 +59,16 @@ def refused(call, message, kind=ValueError):
 # Nets, starts, courses and darts
 
 
-def net_along(curve, **options):
-    start = {"point": (0, 0, 0), "warp_along": np.transpose(curve)}
-    return drape.net(PLATE, 5.0, **start | options)
+def on_sphere(cell, *counts, **options):
+    return drape.net(SPHERE, cell, *counts, **options)
 
 
-STRAIGHT = [(-50.0, 0, 0), (0, 0, 0), (50, 0, 0)]
+def on_plate(**options):
+    return drape.net(PLATE, 5.0, **{"point": (0, 0, 0)} | options)
+
+
+STRAIGHT = np.array([[-50.0, 0, 50], [0, 0, 0], [0, 0, 0]])
+RISING = np.array([[0.0, 20, 80], [0, 0, 0], [0, 0, 40]])
 
 
 def best(**options):
@@ -76,39 +80,28 @@ def laid(overlap):
 
 
 NETS = {
-    "cell must be a positive length": lambda: drape.net(SPHERE, 0.0, (0, 8), (0, 8)),
-    "warp must be two whole num": lambda: drape.net(SPHERE, 2.0, (0, 0.5), (0, 8)),
-    "weft must be two whole num": lambda: drape.net(SPHERE, 2.0, (0, 8), (0, 0)),
-    "must not be parallel": lambda: drape.net(
-        SPHERE, 1.0, (0, 1), (0, 1), angles=(0.3, 0.305)
+    "cell must be a positive length": lambda: on_sphere(0.0, (0, 8), (0, 8)),
+    "warp must be two whole num": lambda: on_sphere(2.0, (0, 0.5), (0, 8)),
+    "weft must be two whole num": lambda: on_sphere(2.0, (0, 8), (0, 0)),
+    "not be parallel": lambda: on_sphere(1.0, (0, 1), (0, 1), angles=(0.3, 0.305)),
+    "is outside the net, which extends from": lambda: on_sphere(5.0, (4, 8), (3, 8)).at(
+        np.array([[100.0], [0.0]])
     ),
-    "is outside the net, which extends from": lambda: drape.net(
-        SPHERE, 5.0, (4, 8), (3, 8)
-    ).at(np.array([[100.0], [0.0]])),
     "normal to the surface": lambda: drape.exponential_map(
         SPHERE, np.ones((2, 3)), first=(0, 0, 1)
     ),
-    "beyond the edges of the tool: start on": lambda: drape.net(
-        PLATE, 7.0, point=(120, 0, 0)
+    "beyond the edges of the tool: start on": lambda: on_plate(point=(120, 0, 0)),
+    "specify the numbers of cells along the weft": lambda: on_sphere(1.0, (1, 1)),
+    r"net: the start must be three finite.*got \(0, 0\)": lambda: on_plate(
+        point=(0, 0)
     ),
-    "specify the numbers of cells along the weft": lambda: drape.net(
-        drape.Plane(), 1.0, (1, 1)
+    "passes the start .* a distance of 9 mm": lambda: on_plate(
+        point=(2, 0, 0), warp_along=np.add(STRAIGHT, [[0], [9], [0]])
     ),
-    r"net: the start must be three finite.*got \(0, 0\)": lambda: drape.net(
-        PLATE, 5.0, point=(0, 0)
-    ),
-    "net: the start must be three finite.*nan": lambda: drape.net(
-        PLATE, 5.0, point=(0, 0, np.nan)
-    ),
-    "passes the start .* at a distance of 9": lambda: net_along(
-        np.add(STRAIGHT, (0, 9, 0))
-    ),
-    "must have two distinct points": lambda: net_along(np.ones((4, 3))),
-    r"finite numbers of shape \(3, n\)": lambda: net_along(np.ones((4, 2))),
-    "the first threads are parallel": lambda: net_along(
-        STRAIGHT, weft_along=np.transpose(STRAIGHT)
-    ),
-    "mm away from the tool": lambda: net_along([(0, 0, 0), (20, 0, 0), (80, 0, 40)]),
+    "have two distinct points": lambda: on_plate(warp_along=np.ones((3, 4))),
+    r"finite numbers of shape \(3, n\)": lambda: on_plate(warp_along=np.ones((2, 4))),
+    "threads are parallel": lambda: on_plate(warp_along=STRAIGHT, weft_along=STRAIGHT),
+    "mm away from the tool": lambda: on_plate(warp_along=RISING),
     "nets: specify at least one start": lambda: drape.nets(PLATE, 20.0, []),
     "`first` must be three finite numbers": lambda: drape.nets(
         PLATE, 20.0, [drape.NetStart((0, 0, 0), (np.nan, 0.0, 0.0))]
@@ -116,17 +109,13 @@ NETS = {
     "specify at least one point of the part": lambda: best(points=np.empty((3, 0))),
     "points must be finite numbers": lambda: best(points=np.zeros((2, 4))),
     "search cell must be a positive length": lambda: best(search_cell=-1.0),
-    "start: cell must be a positive length": lambda: best(cell=-1.0),
     "measure must be one of largest, mean": lambda: best(measure="median"),
     "the overlap must be .* got -1": lambda: laid(-1.0),
     "the overlap must be .* got 60": lambda: laid(60.0),
-    "the overlap must be .* got nan": lambda: laid(np.nan),
     "is closed, and parallel threads meet at a": lambda: drape.courses(
         drape.TriangleMesh(30 * POINTS, TRIANGLES), 9.0, 12.0, point=(0, 0, 30)
     ),
-    "locking angle must be between 0 and 90": lambda: drape.net_with_darts(
-        PLATE, 4.0, 50.0
-    ),
+    "locking angle must be between 0": lambda: drape.net_with_darts(PLATE, 4.0, 50.0),
 }
 
 
@@ -153,7 +142,6 @@ SURFACES = {
     "waist at least 0 and less than 1": lambda: drape.double_dome(waist=1.0),
     "triangles must be": lambda: drape.TriangleMesh(POINTS[:, :9], TRIANGLES[:, :0]),
     "undefined vertex": lambda: drape.TriangleMesh(POINTS, TRIANGLES + 1),
-    "has a corner at": lambda: drape.TriangleMesh(POINTS * np.nan, TRIANGLES),
     "finite": lambda: drape.TriangleMesh(POINTS[:2], TRIANGLES),
     "vertices, but at least": lambda: drape.TriangleMesh(POINTS, TRIANGLES[:, :2]),
     "shape": mesh_of([0, 0, 0], np.zeros((2, 3))),
@@ -193,15 +181,9 @@ CONDITIONS = {
         square(), {"a": OnSurface(SPHERE), "b": OnSurface(SPHERE, "top")}, 1
     ),
     "no boundary 'nowhere'": step(SPHERE, where="nowhere"),
-    r"not touch the plane z = 0 at \(0.0, 0.0\), where it has no tangent": step(
-        drape.Sphere(1.0)
-    ),
-    r"at \(0.0, 0.0\), where it is 0.25 mm away: move": step(
-        drape.Plane((0, 0, -0.25))
-    ),
-    r"at \(0.0, 0.0\), where it is inclined by 37°: move": step(
-        drape.Plane((0, 0, 0), (0, 3, 4))
-    ),
+    r"z = 0 at \(0.0, 0.0\), where it has no tangent": step(drape.Sphere(1.0)),
+    "where it is 0.25 mm away: move": step(drape.Plane((0, 0, -0.25))),
+    "where it is inclined by 37°: move": step(drape.Plane((0, 0, 0), (0, 3, 4))),
     r"where it is 0.12\d mm away": step(SPHERE, touch=(5.0, 0.0)),
     "'a'.*surface must have the methods level, gradient, hessian": step(5),
     "surface must have the methods level, gradient": step(drape.Sphere),
@@ -246,11 +228,7 @@ def test_plies_that_nothing_holds_or_that_cannot_stay_are_refused():
 
 @pytest.fixture(scope="module")
 def sheet():
-    """A ply of 100 mm on the cylinder."""
-    s = np.linspace(0, 100, 13)
-    ply = Ply(MeshQuad.init_tensor(s, s), Fabric(1e4, 0.1), dimension=3)
-    u = drape.displacement(ply.nodes, rolled(ply.nodes))
-    return drape.Sheet.of_ply(ply, u)
+    return drape.Sheet.of_ply(*rolled_ply(12))
 
 
 def circle(n=60, radius=30.0, middle=50.0):
@@ -264,13 +242,9 @@ def flat_part():
 
 
 BACK = np.array([50 + 30 * np.cos(TURN), 25 + 15 * np.cos(TURN)])
-TINY = 1e-300 * np.array([[0, 0, 1], [0, 1, 0], [0, 0, 0]])
 PATTERNS = [
     (rolled(circle(middle=80.0)), None, r"does not lie on \d+ of \d+ points"),
-    (rolled(circle()) * 1e15, None, r"does not lie on \d+ of 60 points"),
     (rolled(circle()) * 1e305, None, r"does not lie on \d+ of 60 points"),
-    (rolled(circle(radius=1e-300)), None, "at least three distinct points"),
-    (TINY, None, "no area"),
     (rolled(BACK), None, "encloses no area"),
     (rolled(circle(4)), None, "specify more points"),
     (rolled(circle()), 1e-5, r"1.88e\+07 points, but at most 1000000"),
@@ -279,14 +253,12 @@ PATTERNS = [
     (np.full((3, 9), np.nan), None, "finite numbers"),
     (np.ones((3, 9)), None, "at least three distinct points"),
     (rolled(circle()), 0.0, "spacing must be a positive length"),
-    (rolled(circle()), np.inf, "spacing must be a positive length"),
     *(
         (rolled(curve), None, r"crosses itself at \(.*a curve that")
         for curve in (
             50 + 30 * np.array([np.sin(2 * TURN + 0.01), np.sin(TURN)]),
             50 + 30 * np.array([np.sin(2 * TURN), np.sin(TURN)]),  # a point twice
             np.tile(circle(40), 2),
-            np.hstack([circle(40), circle(40, radius=20.0)]),
         )
     ),
 ]
@@ -334,7 +306,7 @@ def test_exports_that_are_not_possible_are_refused(sheet, tmp_path, monkeypatch)
     for call, message in (
         (
             lambda: drape.fibres_on_tool(sheet, part, (0, 0, 0)),
-            "axis must be a nonzero finite vector",
+            "axis must not be zero",
         ),
         (
             lambda: drape.fibres_on_tool(sheet, part, reach=-1.0),
@@ -375,7 +347,7 @@ TRAPEZIUM = MeshQuad(np.array([[0, 9, 8, 1], [0, 0, 9, 9.0]]), [[0], [1], [2], [
 SCENES = {
     "hemisphere: the width must be positive": lambda: hemisphere(width=0.0),
     "saddle: the height must be positive": lambda: saddle(height=np.nan),
-    "saddle: the radius must be positive": lambda: saddle(radius=-1.0),
+    "saddle: radius must be a positive length": lambda: saddle(radius=-1.0),
     "radius must be a positive length": lambda: cylinder(radius=0.0),
     "edge tension must be 0 or positive": lambda: double_dome(tension=-1.0),
     "angle of the fibres must be finite": lambda: cylinder(fibres=np.inf),
@@ -404,10 +376,7 @@ def test_settings_that_do_not_fit_a_tool_are_refused(message):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("hemisphere", "--width", "-5"), "the width must be positive"),
         (("hemisphere", "--fibres", "nan"), "--fibres must be a finite number"),
-        (("hemisphere", "--fibres", "20", "--part", "quarter"), "use the whole ply"),
-        (("hemisphere", "--part", "half"), "invalid choice: 'half'"),
         (
             ("hemisphere", "--width", "320", "--height", "320"),
             "the kinematic net folds",
@@ -417,7 +386,6 @@ def test_settings_that_do_not_fit_a_tool_are_refused(message):
             "shear.wrinkling_angle_deg must be a number <= 90",
         ),
         (("saddle", "--rotate", "10"), "unrecognized arguments: --rotate 10"),
-        (("cylinder", "--tension", "-1"), "edge tension must be 0 or positive"),
     ],
 )
 def test_bad_options_of_a_scene_are_refused(options, reason, tmp_path, capsys):
@@ -441,21 +409,15 @@ def test_directions_of_a_file_do_not_replace_those_of_a_tool(tmp_path, capsys):
 def invalid_tools(folder):
     """Invalid files of tools, the expected messages, and the numbers of warnings."""
     x, t = plate(n=15)
-    both = np.hstack([x, x - [[0], [0], [2]]])
-    shell = np.hstack([t, t[::-1] + x.shape[1]])
     yield folder / "no.stl", "no.stl: no such file", 0
     empty = folder / "empty.stl"
     empty.write_text("solid nothing\nendsolid nothing\n")
     yield empty, "empty.stl: the file contains no triangles", 0
-    yield write(folder / "few.stl", x[:, :], t[:, :3]), "vertices, but at least", 0
-    yield write(folder / "shell.stl", both, shell), "only the side that is draped", 0
     bad = x.copy()
     bad[2, 5] = np.nan
     yield write(folder / "nan.stl", bad, t), "far from all others", 0
     steep = plate(n=15, height=lambda x, y: 0.3 * x)
     yield write(folder / "steep.stl", *steep), "is at its edge or on a slope", 0
-    hollow = plate(n=15, height=lambda x, y: -bump_height(x, y))
-    yield write(folder / "hollow.stl", *hollow), "is at its edge or on a slope", 0
     metres = write(folder / "metres.stl", 1e-3 * x, t)
     yield metres, "use a smaller ply, or specify the unit of the tool file", 1
     for scale in (1e3, 1e30):
@@ -482,7 +444,6 @@ def test_invalid_tools_are_refused(tmp_path, capsys):
         (("--part-mesh", "none.stl"), "--part-mesh none.stl: no such file"),
         (("--trim", "none.csv"), "--trim none.csv: no such file"),
         (("--trim", "CURVE"), "curve.csv: the curve has 2 different points, but at"),
-        (("--width", "-5"), "the width must be positive"),
     ],
 )
 def test_bad_options_of_a_tool_are_refused(tool, options, reason, tmp_path, capsys):

@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, drape
+from skfem_textile import drape
 from skfem_textile.io import read_surface
-from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
+from skfem_textile.scenes import hemisphere
 from skfem_textile.scenes.drape import contact_point
 from tests.helpers import tool_shapes
-from tests.helpers.tools import bump_height, plate, write_sphere
+from tests.helpers.tools import bump_height, case_of, plate, write_sphere
 
 pytestmark = pytest.mark.usefixtures("no_interval", "coarse_net")
 
 
 def run(scene):
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    case = Case(scene=scene, fabric=fabric, steps=1)
+    case = case_of(scene, 5.0)
     result = case.run()
     return result, case.summary(result)
 
@@ -127,6 +126,12 @@ def test_the_middle_of_a_flat_top_is_its_centroid(tool, top):
             contact_point(tool)
     else:
         np.testing.assert_allclose(contact_point(tool), top, atol=1e-3)
+
+
+def test_a_patch_of_a_tenth_of_a_metre_fits_a_tool_of_ten_metres():
+    tool = drape.TriangleMesh(*plate(5e3, 15, lambda x, y: 0 * x))
+    scene = on_tool(tool, width=100.0, height=100.0, size=(2, 2))
+    np.testing.assert_allclose(np.ptp(scene.mesh.p, axis=1), 100.0)
 
 
 def test_a_hole_of_the_tool_is_beyond_its_edges():

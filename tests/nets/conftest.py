@@ -1,4 +1,0 @@
-"""Tool and mesh sizes, see `helpers.draping`."""
-
-from tests.helpers.draping import coarse_net, quick, tool  # noqa: F401
-from tests.helpers.intervals import no_interval  # noqa: F401
