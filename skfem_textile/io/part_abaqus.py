@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError, refuse_positions
-from ..mesh.user_input import excerpt
+from ..mesh.user_input import excerpt, printable
 from .abaqus import (
     ANGLE,
     AXES,
@@ -425,7 +425,8 @@ class Group(NamedTuple):
         if self.section is not None:
             copy.comment_out(self.section.lines, "**")
             name = excerpt(self.section.parameters.get("ELSET", ""))
-            whose = f"; layers have its material {self.material}" * self.own
+            material = printable(self.material)
+            whose = f"; layers have its material {material}" * self.own
             yield (
                 f"{self.section} of {name} is commented out for {len(self.members)} "
                 f"element(s) with fibres{whose}"

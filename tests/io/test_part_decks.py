@@ -391,7 +391,7 @@ def test_elements_without_fibres_keep_their_section(tmp_path, caplog):
     ]
 
 
-def test_a_material_of_layers_keeps_letters_that_are_not_utf_8(tmp_path):
+def test_a_material_of_layers_keeps_letters_that_are_not_utf_8(tmp_path, caplog):
     section = ["*Shell Section, elset=Häut, composite", "0.9, 3, CFRP"]
     path = written_deck(tmp_path, *NODES, *QUADS, *section)
     path.write_bytes(path.read_bytes().replace(b"CFRP", "Träger".encode("latin-1")))
@@ -402,6 +402,7 @@ def test_a_material_of_layers_keeps_letters_that_are_not_utf_8(tmp_path):
         lines = files[at].read_bytes().split(b"\n")
         named = [x for x in lines if b"Tr\xe4ger" in x and x[:2] != b"**"]
         assert len(named) == 5  # four layers, and the elements without fibres
+    assert all(message.encode() for message in caplog.messages)
 
 
 def test_thickness_of_each_element_may_be_given(tmp_path):
