@@ -122,7 +122,7 @@ def test_the_next_law_is_fitted_if_the_best_is_not_physical(monkeypatch):
     name = first.parts["shear"].model.name
     refused = []
 
-    def against(fit, largest, unit):
+    def against(fit, largest):
         if fit.model.name == name:
             refused.append(fit)
         return "it is refused" if fit.model.name == name else ""

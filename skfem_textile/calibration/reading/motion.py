@@ -2,11 +2,12 @@
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
 
+from ..outliers import FEWEST
 from .quantities import FORCES, SPECIMENS
 
 #: Driving quantities of a biaxial test.
@@ -20,9 +21,6 @@ _NONE = 0.06
 
 # Longest pause between segments, in steps of the clock within them.
 _PAUSE = 3.0
-
-# Fewest rows: with fewer, noise may follow a curve.
-_FEWEST = 12
 
 # Degree of the smooth curve of a trend, such as loading and unloading; and number of
 # classes in which a force is compared with its scatter.
@@ -49,8 +47,8 @@ class Segment:
     """
 
     moved: ndarray
-    others: Mapping[int, ndarray] = field(default_factory=dict)
-    label: str = ""
+    others: Mapping[int, ndarray]
+    label: str
 
 
 def moved_in(columns: Mapping[str, ndarray]) -> ndarray:
@@ -159,7 +157,7 @@ def is_no_motion(moved: ndarray, forces: Sequence[ndarray]) -> bool:
         Forces in the same rows.
     """
     known = np.all(np.isfinite([moved, *forces]), axis=0)
-    if known.sum() < _FEWEST:
+    if known.sum() < FEWEST:
         return False
     x, *of_forces = (_without_spikes(each[known]) for each in (moved, *forces))
     if explained_by_order(x) >= _HALF:
@@ -174,7 +172,7 @@ def is_noise(force: ndarray, moved: ndarray) -> bool:
     independent ones (von Neumann 1941, Ann. Math. Statist. 12:367).
     """
     known = np.isfinite(force) & np.isfinite(moved)
-    if known.sum() < _FEWEST:
+    if known.sum() < FEWEST:
         return False
     f, x = (_without_spikes(each[known]) for each in (force, moved))
     independent = np.mean(np.diff(f) ** 2) > 2 * _HALF * f.var() > 0

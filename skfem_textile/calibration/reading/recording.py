@@ -41,12 +41,7 @@ from .motion import (
     moved_in,
     turned_columns,
 )
-from .numbers import (
-    MARKS,
-    decimal_mark,
-    is_number,
-    number,
-)
+from .numbers import MARKS, decimal_mark, is_number, number
 from .quantities import (
     COLUMNS,
     FORCES,
@@ -241,15 +236,15 @@ def read_recordings(
     read: separator semicolon, decimal comma, displacement from column 1 (Weg, mm)
      from column 2 (Kraft, kN)
     """
-    path = Path(path)
-    if not path.is_dir():
-        return _File(path, form or Format()).recordings()
-    files = sorted(file for file in path.iterdir() if file.suffix.lower() in _ENDINGS)
+    path, form = Path(path), form or Format()
+    files = [path]
+    if path.is_dir():
+        files = sorted(x for x in path.iterdir() if x.suffix.lower() in _ENDINGS)
     if not files:
         raise ValueError(
             f"{printable(path)}: the folder contains no file *{', *'.join(_ENDINGS)}"
         )
-    return [one for file in files for one in _File(file, form or Format()).recordings()]
+    return [one for file in files for one in _File(file, form).recordings()]
 
 
 @dataclass(frozen=True)
@@ -319,12 +314,10 @@ class _File:
         tests = [test for each in below for test in _joined(each)]
         longest = max(_length(test) for test in tests)
         tests = [test for test in tests if _length(test) >= _SHORT * longest]
-        tests.sort(key=lambda test: (test[0].rows.rows[0], test[0].place))
-        names = [self.path.name]
-        if len(tests) > 1:
-            names = [f"{self.path.name}, test {i + 1}" for i in range(len(tests))]
+        tests.sort(key=lambda test: (test[0].read.rows[0], test[0].place))
         found = []
-        for name, test in zip(names, tests, strict=True):
+        for i, test in enumerate(tests, start=1):
+            name = f"{self.path.name}, test {i}" if len(tests) > 1 else self.path.name
             recording = _whole(name, test)
             self._refuse_noise(recording, test)
             found.append(_with_directions(recording, self.form))
@@ -409,8 +402,7 @@ class _File:
             read = self._recording(block, columns)
             if len(read.rows) or len(self.blocks) == 1:
                 moved = moved_in(read.columns)
-                segment = Segment(moved, others, label)
-                found.append(_Table(read, segment, place, block, columns))
+                found.append(_Table(moved, others, label, read, place, block, columns))
         return found
 
     def _repeats(self, block: Block) -> list[list[_Column]]:
@@ -421,11 +413,9 @@ class _File:
             if column.quantity:
                 by_quantity.setdefault(column.quantity, []).append(column)
         for name, given in self.form.columns.items():
-            by_quantity = {
-                key: [x for x in found if x.position != self._position(columns, given)]
-                for key, found in by_quantity.items()
-            }
             chosen = columns[self._position(columns, given)]
+            for found in by_quantity.values():
+                found[:] = [one for one in found if one.position != chosen.position]
             by_quantity[name] = [replace(chosen, quantity=name, named=True)]
         for name, found in by_quantity.items():
             if len(named := [one for one in found if one.named]) and len(found) > 1:
@@ -586,11 +576,10 @@ class _File:
 
 
 @dataclass(frozen=True, eq=False)
-class _Table:
-    """A table as read, its motion, its place beside other tables, and its columns."""
+class _Table(Segment):
+    """A table as read, its place beside other tables, and its columns."""
 
-    rows: Recording
-    segment: Segment
+    read: Recording
     place: int
     block: Block
     columns: Sequence[_Column]
@@ -603,12 +592,12 @@ def _names(block: Block) -> frozenset[str]:
 
 
 def _length(test: Sequence[_Table]) -> int:
-    return sum(len(table.rows.rows) for table in test)
+    return sum(len(table.read.rows) for table in test)
 
 
 def _joined(tables: Sequence[_Table]) -> list[list[_Table]]:
     """Tests of tables one below the other, each of one or several segments."""
-    moved = np.concatenate([table.segment.moved for table in tables])
+    moved = np.concatenate([table.moved for table in tables])
     motion = float(np.ptp(moved)) if moved.size else 0.0
     tests: list[list[_Table]] = []
     for table in tables:
@@ -620,17 +609,16 @@ def _joined(tables: Sequence[_Table]) -> list[list[_Table]]:
 
 
 def _continues(test: Sequence[_Table], table: _Table, motion: float) -> bool:
-    before = [one.segment for one in test]
-    if test[0].rows.columns.keys() != table.rows.columns.keys():
+    if test[0].read.columns.keys() != table.read.columns.keys():
         return False
-    if not table.segment.moved.size or not before[0].moved.size:  # readings
-        return table.segment.label in ("", before[-1].label)
-    return goes_on(before, table.segment, motion)
+    if not table.moved.size or not test[0].moved.size:  # readings
+        return table.label in ("", test[-1].label)
+    return goes_on(test, table, motion)
 
 
 def _whole(name: str, test: Sequence[_Table]) -> Recording:
     """Recording of the segments of a test, with what was read of each."""
-    parts = [table.rows for table in test]
+    parts = [table.read for table in test]
     columns = {
         key: np.concatenate([part.columns[key] for part in parts])
         for key in parts[0].columns
