@@ -16,7 +16,7 @@ from skfem_textile.calibration import (
 from skfem_textile.calibration.outliers import outliers, overloads
 from skfem_textile.calibration.report import data_report
 from skfem_textile.calibration.specimens import BELIEVED
-from tests.helpers.fits import BIAS, FRAME, fit_shear, of_shear
+from tests.helpers.fits import BIAS, FRAME, fit_shear, noisy, of_shear
 
 LAW = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
 MOVED = np.linspace(0.0, float(BIAS.displacement(np.radians(39.0))), 100)
@@ -57,6 +57,11 @@ def test_the_first_complete_cycle_is_used():
     assert "loading of cycle 2 of 2 is used" in said(prepared(moved, force))
     first = prepared(moved, force, cycle=1).recording.columns["displacement"]
     assert first.max() <= half[-1]
+    back = prepared(moved, force, branch="unloading")
+    assert "unloading of cycle 2 of 2 is used" in said(back)
+    assert back.recording.columns["displacement"].max() > half[-1]
+    ended = prepared(moved[:-100], force[:-100], branch="unloading", cycle=1)
+    assert ended.recording.rows.size > 40
 
 
 def test_a_dwell_at_the_end_is_left_out():
@@ -67,19 +72,7 @@ def test_a_dwell_at_the_end_is_left_out():
 
 
 def test_noise_of_the_displacement_is_no_reversal():
-    noise = 0.02 * MOVED[-1] * np.random.default_rng(1).standard_normal(100)
-    assert len(prepared(MOVED + noise, FORCE).branches) == 1
-
-
-def test_the_unloading_of_the_fitted_cycle_is_used():
-    half = MOVED[:50]
-    moved = np.concatenate([half, half[::-1], MOVED, MOVED[::-1]])
-    force = np.interp(moved, MOVED, FORCE)
-    back = prepared(moved, force, branch="unloading")
-    assert "unloading of cycle 2 of 2 is used" in said(back)
-    assert back.recording.columns["displacement"].max() > half[-1]
-    ended = moved[:-100], force[:-100]
-    assert prepared(*ended, branch="unloading", cycle=1).recording.rows.size > 40
+    assert len(prepared(noisy(MOVED, 0.02, 1), FORCE).branches) == 1
 
 
 # Outliers
@@ -87,8 +80,7 @@ def test_the_unloading_of_the_fitted_cycle_is_used():
 
 def test_outliers_are_left_out_of_each_branch():
     moved = np.concatenate([MOVED, MOVED[::-1]])
-    force = np.concatenate([FORCE, 0.75 * FORCE[::-1]])
-    force += 0.01 * FORCE.max() * np.random.default_rng(2).standard_normal(200)
+    force = noisy(np.concatenate([FORCE, 0.75 * FORCE[::-1]]), 0.01, 2)
     force[[20, 150]] = 99999.0, -9999.0
     one = prepared(moved, force, branch="both")
     assert one.outliers.tolist() == [22, 152]
@@ -101,12 +93,8 @@ def test_outliers_are_left_out_of_each_branch():
 @pytest.mark.slow
 def test_normal_noise_has_no_outliers():
     """At most one in a thousand curves, by definition; of 300, five is improbable."""
-    found = 0
-    for seed in range(300):
-        rng = np.random.default_rng(seed)
-        noisy = FORCE + 0.03 * FORCE.max() * rng.standard_normal(100)
-        found += outliers(MOVED, noisy).any()
-    assert found < 5
+    noises = (noisy(FORCE, 0.03, seed) for seed in range(300))
+    assert sum(outliers(MOVED, force).any() for force in noises) < 5
 
 
 def test_a_kink_or_a_steep_end_is_no_outlier():
@@ -116,13 +104,10 @@ def test_a_kink_or_a_steep_end_is_no_outlier():
     assert not outliers(MOVED, np.where(MOVED > 20.0, 0.3 * FORCE, FORCE)).any()
 
 
-@pytest.mark.parametrize("value", [99999.0, -9999.0, 30.0])
+@pytest.mark.parametrize("value", [99999.0, -9999.0, 0.3 * FORCE.max() + 30.0])
 def test_outliers_are_named_by_row_and_left_out(value):
-    rng = np.random.default_rng(2)
-    force = FORCE + 0.01 * FORCE.max() * rng.standard_normal(100)
+    force = noisy(FORCE, 0.01, 2)
     force[[20, 21, 70]] = value, 1.1 * value, value
-    if value == 30.0:
-        force[[20, 21, 70]] += force.max() * 0.3
     one = prepared(MOVED, force)
     assert one.outliers.tolist() == [22, 23, 72]
     assert "rows 22, 23, 72: outliers of the force, such as" in said(one)
@@ -159,8 +144,7 @@ def specimen(toe=0.0, at_rest=0.0, noise=0.01, seed=1, zeros=UNKNOWN):
     """Curve of `LAW` with a toe in mm and a share of the largest force at rest."""
     moved = np.linspace(0.0, MOVED[-1] + toe, 200)
     force = BIAS.force(LAW, BIAS.shear_angle(np.maximum(moved - toe, 0.0)))
-    rng = np.random.default_rng(seed)
-    force += force.max() * (at_rest + noise * rng.standard_normal(200))
+    force = noisy(force, noise, seed) + at_rest * force.max()
     return Specimen("one", BIAS, force, moved, zeros=zeros)
 
 
@@ -316,14 +300,11 @@ def test_the_end_of_a_curve_that_rises_steeply_is_not_an_overload():
     assert overloads(np.array([0.0, 0.0, 5.0, 0.0])).tolist() == [0, 0, 1, 0]
 
 
-def noisy_toe(seed, toe=8.0, law=LAW):
+def noisy_toe(seed, toe=8.0):
     """Curve beyond the range, of 45 degrees, with much noise and a long toe."""
-    end = float(BIAS.displacement(np.radians(45.0))) + toe
-    moved = np.linspace(0.0, end, 120)
-    force = BIAS.force(law, BIAS.shear_angle(np.maximum(moved - toe, 0.0)))
-    noise = np.random.default_rng(seed).standard_normal(moved.size)
-    force += 0.05 * force.max() * noise
-    return Specimen("one", BIAS, force, moved, zeros=Zeros(None, 0.0))
+    moved = np.linspace(0.0, float(BIAS.displacement(np.radians(45.0))) + toe, 120)
+    force = BIAS.force(LAW, BIAS.shear_angle(np.maximum(moved - toe, 0.0)))
+    return Specimen("one", BIAS, noisy(force, 0.05, seed), moved, zeros=Zeros(None, 0))
 
 
 def test_the_range_ends_at_the_angle_of_the_fitted_slack():
