@@ -3,20 +3,27 @@
 Nothing here imports packages for drawing: without them the tests are skipped.
 """
 
+from functools import cache
+
 import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import Case, hemisphere, strip
 
 
-@pytest.fixture(scope="session")
-def results():
+@cache
+def of_strip():
     """Two results to be drawn, not to be changed."""
     scene = strip(size=(3, 4))
     return [
         LoadStepper(Ply(scene.mesh, Fabric(1e4), f), scene.conditions, steps=4).run()
         for f in (Full(), OnePoint(10.0))
     ]
+
+
+@pytest.fixture(scope="session")
+def results():
+    return of_strip()
 
 
 @pytest.fixture(scope="session")

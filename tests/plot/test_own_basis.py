@@ -128,13 +128,3 @@ def test_macro_elements_are_drawn_with_the_mean_strain():
     u = 1e-3 * np.random.default_rng(1).standard_normal(ply.basis.N)
     grid = plot.to_pyvista(MacroBasis(ply.mesh), u, ply.fabric)
     np.testing.assert_allclose(grid["weft_strain"], ply.law_strain(u)[1, :, 0])
-
-
-def test_a_returned_plotter_draws_more(result, tmp_path):
-    plotter = plot.shear_angle(*own(result), size=60)
-    plotter.subplot(0, 0)
-    before = plotter.screenshot(return_img=True)
-    plotter.add_mesh(plot.to_pyvista(*own(result)), color="black", lighting=False)
-    plotter.screenshot(tmp_path / "more.png")
-    after = pv.read(tmp_path / "more.png")["PNGImage"].astype(float)
-    assert after.mean() < before.mean() - 5
