@@ -20,11 +20,11 @@ from tests.helpers.curves import (
     BIAXIAL,
     QUINTIC,
     joint_file,
-    noisy,
     shear_file,
     shear_files,
     write_columns,
 )
+from tests.helpers.fits import noisy
 from tests.helpers.pages import Page, references
 
 FRAME = PictureFrame(200.0, 160.0)
@@ -35,7 +35,7 @@ def biaxial_file(path, law, ratio):
     e = np.linspace(0.0, 0.02, 7)[1:]
     strain = np.array([e, ratio * e])
     force = 100 * np.asarray(law.value(np.log1p(strain))) / (1 + strain)
-    force = [noisy(one, 0, 0.005) for one in force]
+    force = [noisy(one, 0.005, 0) for one in force]
     both = (x for pair in zip(strain, force, strict=True) for x in pair)
     return write_columns(path, BIAXIAL, *both)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from skfem_textile import Polynomial
 from skfem_textile.calibration import (
     BiasExtension,
     Choice,
@@ -13,6 +14,7 @@ from skfem_textile.calibration import (
 from skfem_textile.calibration.report import shear_report
 
 BIAS, FRAME = BiasExtension(100.0, 200.0), PictureFrame(200.0, 160.0)
+QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
 
 
 def noisy(force, noise, seed):

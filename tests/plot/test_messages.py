@@ -31,32 +31,18 @@ def small_plotter():
     return plotter
 
 
+SIZES = 0, np.nan, (80, 0), (1, 2, 3), (80, 15), 5
+LIMITS = (0, 0), (0, np.inf), (np.nan, 1), (1, 2, 3)
+ONES, GAP = field("Ones", np.ones(3)), field("Gap", ENDLESS)
+
 ROWS = [
-    *((lambda r, s=s: plot.shear_angle(r, size=s), "size") for s in (0, -5, np.nan)),
-    *(
-        (lambda r, s=s: plot.shear_angle(r, size=s), "size")
-        for s in ((80, 0), (1, 2, 3), (80, 15), 5)
-    ),
-    *(
-        (lambda r, c=c: plot.shear_angle(r, clim=c), FINITE)
-        for c in ((1, 0), (0, 0), (0, np.inf), (np.nan, 1), (1, 2, 3))
-    ),
-    (lambda r: plot.shear_angle(r, cmap="no"), "unknown colour map 'no'"),
-    (lambda r: plot.shear_angle(r, state=5), "no state 5: a result contains 5 states"),
-    (lambda r: plot.view(r, state=9), "there is no state 9"),
-    (
-        lambda r: plot.field(r, field=field("Ones", np.ones(3))),
-        r"expected one value for each .* array of shape \(3,\)",
-    ),
-    (
-        lambda r: plot.field(r, field=field("Gap", ENDLESS)),
-        "Gap: the value in element 5 is not finite",
-    ),
-    (
-        lambda r: plot.field(r, field="shear"),
-        "unknown field 'shear': choose one of shear_angle",
-    ),
-    (lambda r: plot.animation(r, "x.gif", field="nothing"), "unknown field"),
+    *((partial(plot.shear_angle, size=size), "size") for size in SIZES),
+    *((partial(plot.shear_angle, clim=ends), FINITE) for ends in LIMITS),
+    (partial(plot.shear_angle, cmap="no"), "unknown colour map 'no'"),
+    (partial(plot.shear_angle, state=5), "no state 5: a result contains 5 states"),
+    (partial(plot.field, field=ONES), r"one value for each .* of shape \(3,\)"),
+    (partial(plot.field, field=GAP), "Gap: the value in element 5 is not finite"),
+    (partial(plot.field, field="shear"), "unknown field 'shear': choose one of shear_"),
     (
         lambda r: plot.fibre_strain(r, plotter=small_plotter()),
         r"2 panels require as many subplots .* has 1$",
@@ -83,13 +69,10 @@ ROWS = [
     (lambda r: plot.to_pyvista(r, r), "a grid shows one result, got 2"),
     (lambda r: plot.view(r, r), "a view shows one result, got 2"),
     (lambda r: plot.animation(r, r), "filename must be a path, not a Result"),
+    (partial(plot.shear_angle, filename="nowhere/x.png"), "the folder .* does not exi"),
     (
-        lambda r: plot.shear_angle(r, filename="nowhere/x.png"),
-        r"the folder .* does not exist",
-    ),
-    (
-        lambda r: plot.export_gltf(r, "x.glb"),
-        r"only to \.gltf files: name it x\.gltf",
+        partial(plot.export_gltf, filename="x.glb"),
+        r"only to \.gltf files: name it x\.g",
     ),
     (
         lambda r: plot.singular_fibres(Outline([[0, 1, 0], [0, 0, 1]]), None, "a.gif"),
