@@ -12,6 +12,7 @@ from skfem_textile import Fabric, LoadStepper, Macro, Ply
 from skfem_textile.fabric.directions import FibreDirections
 from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.scenes import Case, buckling, strip
+from tests.helpers.pictures import degrees_off
 
 pv = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
@@ -20,9 +21,7 @@ plot = pytest.importorskip("skfem_textile.plot")
 shapes_of = pytest.importorskip("skfem_textile.plot.fields").shapes_of
 Scale = pytest.importorskip("skfem_textile.plot.sheet").Scale
 offscreen = pytest.importorskip("skfem_textile.plot.pyvista_drawing")
-curves = pytest.importorskip("skfem_textile.plot.curves").curves
-COLOURS = pytest.importorskip("skfem_textile.plot.curves").COLOURS
-ends_of = pytest.importorskip("skfem_textile.plot.curves")._ends
+curves = pytest.importorskip("skfem_textile.plot.curves")
 
 
 def test_strains_of_all_formulations_are_the_ones_that_enter_the_law(results, sheets):
@@ -135,13 +134,13 @@ def test_a_plotter_that_was_saved_is_drawn_into_again(results, tmp_path):
 
 def test_load_curves_have_their_labels(tmp_path):
     lines = {"aligned": ([0, 1], [0, 2]), "irregular": ([0, 1], [0, 3])}
-    figure = curves({"Fig. 5": lines}, "mm", "N", tmp_path / "load.png")
+    figure = plot.curves({"Fig. 5": lines}, "mm", "N", tmp_path / "load.png")
     (axes,) = figure.axes
     (legend,) = figure.legends
     assert [t.get_text() for t in legend.get_texts()] == list(lines)
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("mm", "N")
     pixels = pv.read(tmp_path / "load.png").point_data.active_scalars[:, :3]
-    for line, colour in zip(axes.lines, COLOURS, strict=False):
+    for line, colour in zip(axes.lines, curves.COLOURS, strict=False):
         assert line.get_color() == colour
         drawn = 255 * np.array(matplotlib.colors.to_rgb(colour))
         assert np.sum(np.abs(pixels - drawn).max(axis=1) < 2) > 500
@@ -151,9 +150,9 @@ def test_load_curves_have_their_labels(tmp_path):
 def test_a_half_width_is_drawn_as_a_band_in_the_colour_of_its_curve():
     half = np.array([0.0, 0.5, np.nan])
     lines = {"plain": ([0, 1, 2], [0, 2, 3]), "run": ([0, 1, 2], [0, 1, 2], half)}
-    (axes,) = curves({"": lines}, "mm", "N").axes
+    (axes,) = plot.curves({"": lines}, "mm", "N").axes
     (band,) = axes.collections
-    assert matplotlib.colors.same_color(band.get_facecolor()[0, :3], COLOURS[1])
+    assert matplotlib.colors.same_color(band.get_facecolor()[0, :3], curves.COLOURS[1])
     corners = np.concatenate([path.vertices for path in band.get_paths()])
     assert set(corners[corners[:, 0] == 1, 1]) == {0.5, 1.5}
     assert corners[:, 0].max() == 1  # without a half-width there is no band
@@ -162,7 +161,7 @@ def test_a_half_width_is_drawn_as_a_band_in_the_colour_of_its_curve():
 def test_long_labels_of_load_curves_are_not_cut():
     """Three of them side by side would be wider than the figure."""
     lines = {f"{name} of two N/mm, glued": ([0, 1], [0, 1]) for name in "abc"}
-    figure = curves({"": lines}, "mm", "N")
+    figure = plot.curves({"": lines}, "mm", "N")
     figure.canvas.draw()
     box = figure.legends[0].get_window_extent()
     assert 0 <= box.x0 < box.x1 <= figure.bbox.width
@@ -221,19 +220,16 @@ def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
     mesh = split_cells(points, [quad, triangles])
     directions = FibreDirections.of_angles([0, 45, 90], [90, 135, 0])
     plotter = plot.mesh_and_fibres(mesh, directions, tmp_path / "mesh.png")
-    actors = [
-        a for a in plotter.renderers[0].actors.values() if isinstance(a, pv.Actor)
-    ]
-    drawn = [actor.mapper.dataset for actor in actors]
+    actors = plotter.renderers[0].actors.values()
+    drawn = [actor.mapper.dataset for actor in actors if isinstance(actor, pv.Actor)]
     warp, _ = [x for x in drawn if isinstance(x, pv.PolyData)][-2:]
     ends = warp.points.reshape(-1, 2, 3)
     along, middle = ends[:, 1] - ends[:, 0], ends.mean(axis=1)
-    angles = np.degrees(np.arctan2(along[:, 1], along[:, 0])) % 180
     above = middle[:, 0] + middle[:, 1] > 2  # the diagonal of the right square
     places = middle[:, 0] < 1, (middle[:, 0] > 1) & ~above, (middle[:, 0] > 1) & above
     for place, angle in zip(places, (0, 45, 90), strict=True):
         assert place.any()
-        assert np.abs((angles[place] - angle + 90) % 180 - 90).max() < 0.1
+        assert degrees_off(along[place].T, angle).max() < 0.1
     assert (tmp_path / "mesh.png").exists()
     pictures = []
     for edges in (True, False):
@@ -255,4 +251,4 @@ def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
 )
 def test_a_law_is_drawn_over_the_finite_part_of_its_domain(domain, ends):
     law = SimpleNamespace(domain=domain)
-    assert ends_of(law, 0.5) == ends
+    assert curves._ends(law, 0.5) == ends
