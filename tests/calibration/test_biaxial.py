@@ -7,7 +7,7 @@ import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear
 from skfem_textile.calibration import BiaxialCurve, read_biaxial, residuals
-from skfem_textile.calibration.report import reports_of
+from skfem_textile.calibration.report import data_report, reports_of
 from skfem_textile.fabric import TwoLaws
 from tests.helpers.fits import fit_tension, noisy, strip
 
@@ -35,6 +35,8 @@ def forces(law, strain):
 def test_two_crimped_families_are_identified_and_agree_with_uncoupled_laws():
     warp, weft = CrimpToe(5e3, 0.004, 10.0), CrimpToe(3e3, 0.006, 5.0)
     fit = fit_tension(pulls(TwoLaws(warp, weft), noise=0.01))
+    (read, *_) = data_report(fit)
+    assert read["test"] == "biaxial test, 100 mm wide to the warp, 80 mm to the weft"
     x = np.linspace(0.002, 0.02, 10)
     for law, truth in zip(fit.laws.values(), (warp, weft), strict=True):
         np.testing.assert_allclose(law.value(x), truth.value(x), rtol=0.05, atol=0.3)

@@ -1,7 +1,7 @@
 """Motion and force of the tables of a file: segments of one test, noise, directions."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,11 @@ from numpy import ndarray
 from ..outliers import FEWEST
 from .quantities import FORCES, SPECIMENS
 
-#: Driving quantities of a biaxial test.
-STRAINS = "warp strain", "weft strain"
+# Driving quantities of a biaxial test.
+_STRAINS = "warp strain", "weft strain"
 
-#: Driving quantities, one of which a shear or tensile test requires.
-DRIVING = "displacement", "shear angle", "strain"
+# Driving quantities, one of which a shear or tensile test requires.
+_DRIVING = "displacement", "shear angle", "strain"
 
 # Share of the motion below which a difference is none: of a beginning from rest.
 _NONE = 0.06
@@ -53,20 +53,20 @@ class Segment:
 
 def moved_in(columns: Mapping[str, ndarray]) -> ndarray:
     """Driving quantity in the rows with numbers; empty if there is none."""
-    names = [name for name in DRIVING if name in columns]
-    for name in names[:1] or largest(STRAINS, columns):
+    for name in driving_in(columns):
         return columns[name][np.isfinite(columns[name])]
     return np.zeros(0)
 
 
-def largest(names: Iterable[str], columns: Mapping[str, ndarray]) -> list[str]:
-    """The one of some columns with the largest range, if there is one."""
+def driving_in(columns: Mapping[str, ndarray]) -> list[str]:
+    """Driving quantities; of a biaxial test the strain with the larger range."""
     ranges = {
         name: float(np.ptp(known)) if (known := x[np.isfinite(x)]).size else 0.0
-        for name in names
+        for name in _STRAINS
         if (x := columns.get(name)) is not None
     }
-    return [max(ranges, key=lambda name: ranges[name])] if ranges else []
+    largest = [max(ranges, key=lambda name: ranges[name])] if ranges else []
+    return [name for name in _DRIVING if name in columns] or largest
 
 
 def label_of(titles: Sequence[Sequence[str]]) -> str:

@@ -27,9 +27,8 @@ from .layout import (
     separator_of,
 )
 from .motion import (
-    DRIVING,
-    STRAINS,
     Segment,
+    driving_in,
     explained,
     falls,
     goes_on,
@@ -37,7 +36,6 @@ from .motion import (
     is_noise,
     jumps_back,
     label_of,
-    largest,
     moved_in,
     turned_columns,
 )
@@ -325,24 +323,19 @@ class _File:
 
     def _refuse_noise(self, recording: Recording, test: Sequence["_Table"]) -> None:
         """An error if a driving quantity or the force of a test is noise."""
-        name = recording.name
-        driving, forces = (
-            [key for key in of if key in recording.columns]
-            for of in ((*DRIVING, *STRAINS), FORCES)
-        )
-        by_name, labels = recording.columns, {x.quantity: x for x in test[0].columns}
-        of_forces = [by_name[key] for key in forces]
-        pairs = [key for key in driving if key in DRIVING] or largest(driving, by_name)
-        for key in pairs if forces else ():
-            if is_no_motion(by_name[key], of_forces):
+        name, columns = recording.name, recording.columns
+        labels = {column.quantity: column.label for column in test[0].columns}
+        forces = [columns[key] for key in FORCES if key in columns]
+        for key in driving_in(columns) if forces else ():
+            if is_no_motion(columns[key], forces):
                 raise ValueError(
-                    f"{name}: {labels[key].label} contains noise, not {key}: its trend "
+                    f"{name}: {labels[key]} contains noise, not {key}: its trend "
                     "is not larger than its scatter, and the force does not depend on "
-                    f"it: {self._instead(key, test, of_forces)}"
+                    f"it: {self._instead(key, test, forces)}"
                 )
-            if "force" in forces and is_noise(by_name["force"], by_name[key]):
+            if "force" in columns and is_noise(columns["force"], columns[key]):
                 raise ValueError(
-                    f"{name}: {labels['force'].label} contains noise, not the force "
+                    f"{name}: {labels['force']} contains noise, not the force "
                     f"of the test: it does not depend on the {key}: specify another "
                     "column, such as --column force=2"
                 )
