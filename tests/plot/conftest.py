@@ -31,6 +31,11 @@ def result(results):
     return results[0]
 
 
+def own(result):
+    """Basis, displacement and fabric of a result."""
+    return result.ply.basis, result.u, result.ply.fabric
+
+
 @pytest.fixture(scope="session")
 def draped():
     """A ply on a hemisphere."""

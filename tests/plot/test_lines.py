@@ -25,22 +25,17 @@ def at_rest(mesh):
 
 def test_edges_are_drawn_where_there_is_room(result, fine):
     """The outline is always drawn."""
-    coarse = sheet.Panel("", at_rest(result.ply.mesh))
-    split_mesh, shape, fine_scale = fine
-    small = sheet.Panel("", shape)
-
-    def drawn(panel, scale, show_edges):
-        return [len(x.ends) for x in sheet.lines_of(panel, scale, show_edges)]
-
-    for panel, scale, mesh in (
-        (coarse, 0.5, result.ply.mesh),
-        (small, fine_scale, split_mesh),
-    ):
+    coarse = result.ply.mesh
+    for mesh, shape, scale in ((coarse, at_rest(coarse), 0.5), fine):
         every, outer = mesh.facets.shape[1], len(mesh.boundary_facets())
-        by_itself = [every, outer] if panel is coarse else [outer]
-        assert drawn(panel, scale, None) == by_itself
-        assert drawn(panel, scale, True) == [every, outer]
-        assert drawn(panel, scale, False) == [outer]
+        panel = sheet.Panel("", shape)
+        by_itself, with_edges, without = (
+            [len(x.ends) for x in sheet.lines_of(panel, scale, show_edges)]
+            for show_edges in (None, True, False)
+        )
+        assert by_itself == ([every, outer] if mesh is coarse else [outer])
+        assert with_edges == [every, outer]
+        assert without == [outer]
 
 
 SQUARE = MeshTri().refined(4).scaled(60.0)

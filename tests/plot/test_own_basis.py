@@ -15,6 +15,7 @@ from skfem import (
 )
 
 from skfem_textile import Fabric, MacroBasis, OnePoint, Ply, fibre_fields
+from tests.plot.conftest import own
 
 pv = pytest.importorskip("pyvista")
 plot = pytest.importorskip("skfem_textile.plot")
@@ -26,11 +27,6 @@ CELLS = {
     *("warp_strain", "weft_strain", "warp_tension", "weft_tension"),
     *("shear_angle", "warp_direction", "weft_direction"),
 }
-
-
-def own(result):
-    """Basis, displacement and fabric of a result."""
-    return result.ply.basis, result.u, result.ply.fabric
 
 
 def test_twelve_lines_draw_the_fibre_strain_of_an_own_newton_loop(

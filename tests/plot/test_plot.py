@@ -1,7 +1,5 @@
 """Pictures of results: colours, scales, titles, files, animations, load curves."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -194,24 +192,6 @@ def test_titles_do_not_repeat_legends(results, sheets):
 def test_a_crash_of_vtk_is_survived(monkeypatch):
     monkeypatch.setattr(offscreen, "_DRAW", "import os; os.abort()")
     assert not offscreen._can_draw({})
-
-
-@pytest.mark.slow
-def test_nothing_is_printed_to_stderr(tmp_path):
-    script = (
-        "from skfem_textile import *; from skfem_textile import plot;"
-        "from skfem_textile.scenes import strip; s = strip(size=(2, 3));"
-        "p = Ply(s.mesh, Fabric(), Full());"
-        "plot.fibre_strain(LoadStepper(p, s.conditions, 1).run(), filename='x.png')"
-    )
-    child = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=tmp_path,
-    )
-    assert child.stderr == ""
 
 
 def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
