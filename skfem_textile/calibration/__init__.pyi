@@ -28,6 +28,9 @@ from .regression import (
     JointFit as JointFit,
 )
 from .simulation import (
+    BiasExtension as BiasExtension,
+    PictureFrame as PictureFrame,
+    ShearTest as ShearTest,
     Simulation as Simulation,
 )
 from .specimens import (
@@ -42,9 +45,6 @@ from .tensile import (
     read_strips as read_strips,
 )
 from .tests_file import (
-    BiasExtension as BiasExtension,
-    PictureFrame as PictureFrame,
-    ShearTest as ShearTest,
     read_tests as read_tests,
 )
 from .validation import (

@@ -1,10 +1,10 @@
 """Figures of fits: recordings, laws with their bands, residuals and predictions."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import cycle
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import matplotlib as mpl
 import numpy as np
@@ -21,6 +21,8 @@ from .validation import NORMAL_95, Validation
 
 #: Function that draws the content of axes.
 Panel: TypeAlias = Callable[[Axes], None]
+
+_T = TypeVar("_T")
 
 # Number of points of a line.
 _N = 201
@@ -108,9 +110,8 @@ def data_panel(test: Test) -> Panel | None:
     used = np.isin(read.rows, prepared.recording.rows) & ~wrong
 
     def panel(axes: Axes) -> None:
-        colours = cycle(COLOURS)
-        for name in prepared.forces:
-            y, colour = read.columns[name], next(colours)
+        for colour, name in _coloured(prepared.forces):
+            y = read.columns[name]
             kinds = (
                 (used, ".", colour, name),
                 (~used & ~wrong, ".", "#b0b0b0", "not used"),
@@ -150,10 +151,8 @@ def residual_panel(result: FabricFit, part: str) -> Panel:
     def panel(axes: Axes) -> None:
         axes.axhspan(-NORMAL_95, NORMAL_95, color="#808080", alpha=0.15, lw=0)
         axes.axhline(0.0, color="#808080", lw=1.0)
-        colours = cycle(COLOURS)
-        for i, test in enumerate(result.tests_of(part)):
-            colour, label = next(colours), test.name
-            scaled = fit.residuals[i] / fit.noise[i]
+        for i, (colour, test) in enumerate(_coloured(result.tests_of(part))):
+            label, scaled = test.name, fit.residuals[i] / fit.noise[i]
             for xlabel, x, y in _along(result, part, test, scaled):
                 axes.plot(x, y, ".", color=colour, ms=4, label=label)
                 axes.set(xlabel=xlabel, ylabel="residual / noise (-)")
@@ -205,6 +204,11 @@ def prediction_panel(one: Validation) -> Panel:
     return panel
 
 
+def _coloured(items: Iterable[_T], first: int = 0) -> Iterator[tuple[str, _T]]:
+    """Items, each with its colour, from the first one on."""
+    return zip(cycle(COLOURS[first:]), items, strict=False)
+
+
 def _fill(
     axes: Axes, x: ndarray, band: Any, colour: str, alpha: float, label: str = ""
 ) -> None:
@@ -223,9 +227,8 @@ def _forces(result: FabricFit) -> Panel:
     widest = _MOST * float(np.degrees(result.largest_angle))
 
     def panel(axes: Axes) -> None:
-        colours = cycle(COLOURS[1:])
-        for i, specimen in enumerate(result.specimens):
-            colour, used = next(colours), specimen.used(up_to)
+        for i, (colour, specimen) in enumerate(_coloured(result.specimens, 1)):
+            used = specimen.used(up_to)
             angle, force = np.degrees(result.zeroed(i).angle), specimen.force
             order = np.argsort(angle[used])
             beside = ~used & (force <= most) & (angle <= widest)
@@ -251,9 +254,7 @@ def _moments(result: FabricFit) -> Panel:
         return law.value(gamma)
 
     def panel(axes: Axes) -> None:
-        for i, colour in zip(
-            range(len(result.specimens)), cycle(COLOURS[1:]), strict=False
-        ):
+        for i, (colour, _) in enumerate(_coloured(result.specimens, 1)):
             at, C = result.zeroed(i).pointwise(up_to)
             axes.plot(np.degrees(at), C, ".", color=colour, ms=3)
         band = fit.band(value)
@@ -276,9 +277,8 @@ def _tension_panel(result: FabricFit, part: str, family: int) -> Panel:
     fit = result.parts[part]
 
     def panel(axes: Axes) -> None:
-        colours = cycle(COLOURS)
-        for k, (test, families) in enumerate(result.along(part)):
-            along, colour = test.along(family), next(colours)
+        for k, (colour, (test, families)) in enumerate(_coloured(result.along(part))):
+            along = test.along(family)
             assert along is not None
             curves = np.array([*fit.curve_band(k), fit.predicted(k)])
             own = np.split(curves, len(families), axis=1)[families.index(family)]
@@ -299,7 +299,7 @@ def _overhangs(result: FabricFit, part: str) -> Panel:
     """Readings over the angle."""
 
     def panel(axes: Axes) -> None:
-        for colour, test in zip(cycle(COLOURS), result.cantilevers(part), strict=False):
+        for colour, test in _coloured(result.cantilevers(part)):
             degrees = np.degrees(test.angle)
             axes.plot(degrees, test.overhang, "o", color=colour, label=test.name)
         axes.set(xlabel="chord angle (°)", ylabel="overhang (mm)")
@@ -312,7 +312,7 @@ def _stiffnesses(result: FabricFit, part: str) -> Panel:
     fit = result.parts[part]
 
     def panel(axes: Axes) -> None:
-        for colour, test in zip(cycle(COLOURS), result.cantilevers(part), strict=False):
+        for colour, test in _coloured(result.cantilevers(part)):
             degrees = np.degrees(test.angle)
             axes.plot(degrees, test.by_elastica, "o", color=colour, label=test.name)
             axes.plot(degrees, test.by_peirce, "x", color=colour)

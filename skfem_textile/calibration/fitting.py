@@ -238,10 +238,9 @@ def _unphysical(result: FabricFit) -> dict[str, str]:
     for part, of_part in result.parts.items():
         if part != "shear" and part not in FAMILIES:
             continue
-        unit = "degrees" if part == "shear" else "strain"
         up_to = result.choice.up_to
         largest = min(largest_argument(tests, part, up_to) for tests in assumptions)
-        if reason := reason_against(of_part, largest, unit):
+        if reason := reason_against(of_part, largest):
             found[part] = reason
     return found
 

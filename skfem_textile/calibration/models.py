@@ -153,9 +153,10 @@ def crimp_toe(largest: float, slack_is_unknown: bool = False) -> Model:
     small share of the stiffness E.  For a shift of the strain, ∂T/∂s = −(E/e₀)(∂T/∂k −
     ∂T/∂E) − k: without k, the derivatives are linearly dependent.
     """
+    n = 2 if slack_is_unknown else 3
 
     def start(stiffness: float) -> ndarray:
-        return np.array([1.5 * stiffness, 0.2 * largest, 1e-3 * stiffness])
+        return np.array([1.5 * stiffness, 0.2 * largest, 1e-3 * stiffness])[:n]
 
     def build(values: ndarray) -> CrimpToe:
         E, e_0, *k = map(float, values)
@@ -163,10 +164,8 @@ def crimp_toe(largest: float, slack_is_unknown: bool = False) -> Model:
 
     low, high = np.array([[1e-9, 1e-3 * largest, 0.0], [np.inf, largest, np.inf]])
     names, units = ("stiffness", "toe", "initial_stiffness"), ("N/mm", "-", "N/mm")
-    n = 2 if slack_is_unknown else 3
     return Model(
-        *("crimp-toe", names[:n], units[:n], build, low[:n], high[:n]),
-        start=lambda stiffness: start(stiffness)[:n],
+        *("crimp-toe", names[:n], units[:n], build, low[:n], high[:n], start),
         is_linear=False,
     )
 

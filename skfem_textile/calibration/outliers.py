@@ -4,8 +4,8 @@ import numpy as np
 import scipy  # whose modules are imported on first use
 from numpy import ndarray
 
-# Minimum number of rows; with fewer, a deviation is not distinguishable from the curve.
-_FEWEST = 12
+#: Minimum number of rows; with fewer, noise is not distinguishable from the curve.
+FEWEST = 12
 
 # Probability that a curve with normal noise has a row that is taken for an outlier.
 _FALSE = 1e-3
@@ -34,8 +34,9 @@ _STEPS = 3.0
 # per row.
 _EFFICIENCY = 0.37
 
-# Rows of a running median that follows kinks and steps of a curve.
-_CLOSE = 5
+#: Rows of a running median that follows kinks and steps of a curve, but not spikes of
+#: one or two rows.
+CLOSE = 5
 
 # Maximum number of rounds of fitting without the outliers found; two are usual.
 _ROUNDS = 5
@@ -70,7 +71,7 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
     """
     n = x.size
     found = np.zeros(n, dtype=bool)
-    if n < _FEWEST or not np.ptp(x) > 0:
+    if n < FEWEST or not np.ptp(x) > 0:
         return found
     order = np.argsort(x, kind="stable")
     z, v = (x[order] - x[order[0]]) / np.ptp(x), y[order]
@@ -80,7 +81,7 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
     basis = _splines(z)
     freedom = _EFFICIENCY * (n - basis.shape[1])
     limit = scipy.special.stdtrit(freedom, 1 - 0.5 * _FALSE / n)
-    jumps = departures(v, _CLOSE) > _LEAST * size
+    jumps = departures(v) > _LEAST * size
     flagged = np.zeros(n, dtype=bool)
     for _ in range(_ROUNDS):
         deviation = v - basis @ _robust(basis, v / size, ~flagged) * size
@@ -134,7 +135,7 @@ def wild(values: ndarray) -> ndarray:
     return off > max(limit * noise, _LEAST_OF_REPEATS * abs(middle))
 
 
-def running_median(values: ndarray, window: int) -> ndarray:
+def running_median(values: ndarray, window: int = CLOSE) -> ndarray:
     """Median of the values in a window around each one, mirrored at the ends."""
     half = min(window // 2, values.size - 1)
     padded = np.pad(values, half, mode="reflect")
@@ -143,13 +144,13 @@ def running_median(values: ndarray, window: int) -> ndarray:
     )
 
 
-def departures(values: ndarray, window: int) -> ndarray:
+def departures(values: ndarray) -> ndarray:
     """Distance of each value from its running median; 0 within a few steps of it.
 
     Next to a kink, a jump or an end, the median of a smooth curve is a step behind.
     """
-    step = running_median(np.abs(np.gradient(values)), 2 * window + 1)
-    off = np.abs(values - running_median(values, window))
+    step = running_median(np.abs(np.gradient(values)), 2 * CLOSE + 1)
+    off = np.abs(values - running_median(values))
     return np.where(off > _STEPS * step, off, 0.0)
 
 

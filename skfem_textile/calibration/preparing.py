@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy import ndarray
 
-from .outliers import NORMAL, departures, outliers, overloads, running_median
+from .outliers import CLOSE, NORMAL, departures, outliers, overloads, running_median
 from .reading import Recording, rows_text
 
 #: Branches by name.
@@ -17,12 +17,8 @@ BRANCHES = "loading", "unloading", "both"
 #: above the noise of a machine.
 REVERSAL = 0.1
 
-# Rows of the running median of the motion: spikes of one or two rows do not count as
-# reversals.
-_NEIGHBOURS = 5
-
 # Rows by which turns of the running median and of the motion may differ.
-_AT_A_TURN = _NEIGHBOURS // 2
+_AT_A_TURN = CLOSE // 2
 
 # Distance to the end of a branch, relative to the range, within which the motion is at
 # rest: the rows of a dwell belong to neither branch.
@@ -262,12 +258,12 @@ def _wrong(
 
 def _jumps(x: ndarray) -> ndarray:
     """Mask of rows of the driving quantity that deviate from their neighbours."""
-    if x.size <= _NEIGHBOURS:
+    if x.size <= CLOSE:
         return np.zeros(x.size, dtype=bool)
-    smooth = running_median(x, _NEIGHBOURS)
+    smooth = running_median(x)
     noise = NORMAL * float(np.median(np.abs(x - smooth)))
     least = max(_JUMP * float(np.ptp(smooth)), _DEVIATIONS * noise)
-    return departures(x, _NEIGHBOURS) > least
+    return departures(x) > least
 
 
 def _chosen(
@@ -341,8 +337,7 @@ def _curve(x: ndarray, force: ndarray, branch: Branch) -> tuple[ndarray, ndarray
     """Increasing driving quantity of a branch, and smoothed forces."""
     inside = slice(branch.begin, branch.end)
     order = np.argsort(x[inside], kind="stable")
-    f = force[inside][order]
-    return x[inside][order], running_median(f, min(_NEIGHBOURS, 2 * f.size - 1))
+    return x[inside][order], running_median(force[inside][order])
 
 
 def _outlier_statements(recording: Recording, name: str, wrong: ndarray) -> list[str]:
@@ -419,7 +414,7 @@ def _branches_of(x: ndarray) -> list[Branch]:
     x
         Driving quantity in the order of recording, shape (n,).
     """
-    smooth = running_median(x, _NEIGHBOURS) if x.size > _NEIGHBOURS else x
+    smooth = running_median(x) if x.size > CLOSE else x
     turns = _turning_points(smooth, REVERSAL * float(np.ptp(smooth)))
     branches: list[Branch] = []
     cycle = 1

@@ -4,11 +4,10 @@ Curves are compared in the quantity that carries the noise: forces with forces. 
 curve has its own noise level, estimated from its residuals.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from operator import attrgetter, methodcaller
 
 import numpy as np
 from numpy import ndarray
@@ -101,14 +100,13 @@ def fit(
     likely = fits[int(probabilities.argmax())]
     best = likely if keep_zeros else _without_zeros(likely, always)
 
-    def view(of: Callable[[_Compared], Fit]) -> Fit:
+    def fit_of(part: str | None) -> Fit:
         if len(fits) == 1 and best is likely:
-            return of(best)
-        mixed = tuple((float(probabilities[i]), of(fits[i])) for i in kept)
-        return replace(of(best), alternatives=mixed)
+            return best.fit(part)
+        mixed = tuple((float(probabilities[i]), fits[i].fit(part)) for i in kept)
+        return replace(best.fit(part), alternatives=mixed)
 
-    parts = {name: view(methodcaller("part", name)) for name in models}
-    return JointFit(view(attrgetter("joint")), parts)
+    return JointFit(fit_of(None), {name: fit_of(name) for name in models})
 
 
 def laws_and_zeros(
@@ -300,43 +298,33 @@ class _Compared:
     def beyond_noise(self) -> bool:
         return any(probability < DIFFER for probability in self.differ.values())
 
-    @cached_property
-    def joint(self) -> Fit:
-        """All parameters."""
-        return self._of(range(self.solved.unknowns.parameters), None)
-
-    def part(self, name: str) -> Fit:
-        """Parameters of a part."""
-        block = self.solved.unknowns.blocks[name]
-        return self._of(range(block.start, block.stop), name)
-
-    def _of(self, columns: Sequence[int], name: str | None) -> Fit:
+    def fit(self, part: str | None) -> Fit:
+        """Parameters of a part, or of all."""
         solved, unknowns = self.solved, self.solved.unknowns
-        own = [i for i, one in enumerate(solved.samples) if name in (None, one.part)]
-        of_zeros = np.arange(solved.x.size) >= unknowns.parameters
-        if name is not None:
-            of_zeros &= unknowns.owners == name
-        every = np.array([*columns, *np.flatnonzero(of_zeros)], dtype=int)
+        own = [i for i, one in enumerate(solved.samples) if part in (None, one.part)]
+        parts = list(unknowns.models) if part is None else [part]
+        every = np.flatnonzero(np.isin(unknowns.owners, parts))
+        columns = every[every < unknowns.parameters]
         offsets = unknowns.offsets(solved.x)
         rows = rows_of(solved.samples)
         J = np.vstack([solved.jacobian[rows[i]] for i in own])
         within = np.ix_(every, every)
         return Fit(
-            model=joint(unknowns.models) if name is None else unknowns.models[name],
+            model=joint(unknowns.models) if part is None else unknowns.models[part],
             samples=tuple(solved.samples[i] for i in own),
-            values=solved.x[list(columns)],
+            values=solved.x[columns],
             offsets=tuple(offsets[i] for i in own),
             free=solved.free,
             jacobian=J[:, every],
             residuals=tuple(solved.residuals[i] for i in own),
             noise=solved.noise[own],
-            at_bound=~solved.determined[list(columns)],
+            at_bound=~solved.determined[columns],
             components=tuple(
                 Component(one.covariance[within], one.freedom)
                 for one in self._components
             ),
-            singles=None if name is None else self.singles.get(name),
-            differ=np.nan if name is None else self.differ.get(name, np.nan),
+            singles=None if part is None else self.singles.get(part),
+            differ=np.nan if part is None else self.differ.get(part, np.nan),
         )
 
     @cached_property

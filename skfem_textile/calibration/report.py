@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -15,16 +15,12 @@ from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
 from .choice import Test, reach
 from .curves import beginning_notes, departure_notes, rest_notes
+from .fitting import FabricFit
 from .measured import FAMILIES
 from .outliers import wild
 from .specimens import APART, Specimen
-from .tensile import BiaxialCurve
-
-if TYPE_CHECKING:
-    from .fitting import FabricFit
-    from .tensile import Strip
-    from .validation import Validation
-
+from .tensile import BiaxialCurve, Strip
+from .validation import Validation
 
 #: Shear angles in degrees at which moments are reported, within the data.
 ANGLES = tuple(range(5, 90, 5))
@@ -37,7 +33,7 @@ _SMALL_ANGLE = 5.0
 _MOST_STRAIN = 0.5
 
 
-def reports_of(result: "FabricFit") -> dict[str, dict[str, Any]]:
+def reports_of(result: FabricFit) -> dict[str, dict[str, Any]]:
     """Reports of all laws, by title: numbers, lists and text."""
     reports = {}
     for part in result.parts:
@@ -61,7 +57,7 @@ def title_of(part: str) -> str:
     return "Tension of both families" if part == "both" else f"Tension of the {part}"
 
 
-def shear_report(result: "FabricFit") -> dict[str, Any]:
+def shear_report(result: FabricFit) -> dict[str, Any]:
     """Report of a shear law: numbers, lists and text."""
     fit, curves, up_to = result.parts["shear"], [], result.choice.up_to
     for i, specimen in enumerate(result.specimens):
@@ -84,7 +80,7 @@ def shear_report(result: "FabricFit") -> dict[str, Any]:
     }
 
 
-def tension_report(result: "FabricFit", part: str) -> dict[str, Any]:
+def tension_report(result: FabricFit, part: str) -> dict[str, Any]:
     """Report of a tension law: of a family, or of both."""
     fit, curves = result.parts[part], result.along(part)
     strains = (
@@ -118,24 +114,17 @@ def tension_report(result: "FabricFit", part: str) -> dict[str, Any]:
     }
 
 
-def bending_report(result: "FabricFit", part: str) -> dict[str, Any]:
+def bending_report(result: FabricFit, part: str) -> dict[str, Any]:
     """Report of a bending stiffness."""
     fit, tests = result.parts[part], result.cantilevers(part)
-    readings = [
-        {
-            "name": test.name,
-            "overhang_mm": float(length),
-            "chord_angle_deg": float(np.degrees(angle)),
-            "by_elastica_N_mm": float(exact),
-            "by_peirce_N_mm": float(simple),
-        }
-        for test in tests
-        for length, angle, exact, simple in zip(
-            *(test.overhang, test.angle, test.by_elastica, test.by_peirce), strict=True
-        )
-    ]
-    simple = np.concatenate([test.by_peirce for test in tests])
-    exact = np.concatenate([test.by_elastica for test in tests])
+    names = "overhang_mm", "chord_angle_deg", "by_elastica_N_mm", "by_peirce_N_mm"
+    readings = []
+    for test in tests:
+        degrees = np.degrees(test.angle)
+        columns = test.overhang, degrees, test.by_elastica, test.by_peirce
+        for row in np.transpose(columns).tolist():
+            readings.append({"name": test.name, **dict(zip(names, row, strict=True))})
+    exact, simple = (np.array([row[key] for row in readings]) for key in names[2:])
     largest = float(np.abs(simple / exact - 1).max())
     return law_report("bending", fit) | {
         "curves": [_curve(fit, i, "N_mm") for i in range(len(tests))],
@@ -166,7 +155,7 @@ def _wild_notes(tests: Sequence[CantileverTest]) -> list[str]:
 
 
 def data_report(
-    result: "FabricFit", held_out: Sequence[Test] = ()
+    result: FabricFit, held_out: Sequence[Test] = ()
 ) -> list[dict[str, Any]]:
     """Reports of the tests: what was read, what was done to it, and its use."""
     found = []
@@ -233,7 +222,7 @@ def _zero_statements(fit: Fit, i: int) -> list[str]:
     return said
 
 
-def _range_statement(result: "FabricFit", specimen: Specimen) -> str:
+def _range_statement(result: FabricFit, specimen: Specimen) -> str:
     """Statement on the end of the fitted range."""
     used = specimen.used(result.choice.up_to)
     how = "measured" if specimen.measured_angle is not None else "theoretical"
@@ -245,7 +234,7 @@ def _range_statement(result: "FabricFit", specimen: Specimen) -> str:
     )
 
 
-def joint_report(result: "FabricFit") -> dict[str, Any]:
+def joint_report(result: FabricFit) -> dict[str, Any]:
     """Parameters of all laws, with their standard deviations and correlations."""
     fit = result.fit.joint
     deviations = np.sqrt(np.diag(fit.covariance))
@@ -259,7 +248,7 @@ def joint_report(result: "FabricFit") -> dict[str, Any]:
     }
 
 
-def validation_report(found: "Sequence[Validation]") -> dict[str, Any]:
+def validation_report(found: Sequence[Validation]) -> dict[str, Any]:
     """Report of tests that were not used in the fit."""
     rows, notes = [], []
     for one in found:
@@ -311,9 +300,10 @@ def _zeros(fit: Fit, i: int) -> list[dict[str, Any]]:
 
 def law_report(of: str, fit: Fit) -> dict[str, Any]:
     """Law, parameters and confidence intervals."""
+    names = "name", "unit", "value", "low", "high", "at_bound"
     rows = zip(
-        *(fit.model.parameters, fit.model.units, fit.values, fit.intervals),
-        fit.at_bound,
+        *(fit.model.parameters, fit.model.units, fit.values.tolist()),
+        *(*fit.intervals.T.tolist(), fit.at_bound.tolist()),
         strict=True,
     )
     return {
@@ -321,17 +311,7 @@ def law_report(of: str, fit: Fit) -> dict[str, Any]:
         "name": fit.model.name,
         "law": law_to_json(fit.law),
         "confidence": CONFIDENCE,
-        "parameters": [
-            {
-                "name": name,
-                "unit": unit,
-                "value": float(value),
-                "low": float(ends[0]),
-                "high": float(ends[1]),
-                "at_bound": bool(bound),
-            }
-            for name, unit, value, ends, bound in rows
-        ],
+        "parameters": [dict(zip(names, row, strict=True)) for row in rows],
         "specimens_differ_probability": fit.differ,
         "specimens_differ_beyond_noise": fit.beyond_noise,
         "systematic": [
@@ -359,7 +339,7 @@ def _curve(fit: Fit, i: int, unit: str = "N") -> dict[str, Any]:
     }
 
 
-def _moments(result: "FabricFit") -> list[dict[str, Any]]:
+def _moments(result: FabricFit) -> list[dict[str, Any]]:
     """C at `ANGLES`: the law, its band, and each specimen alone."""
     end = np.degrees(result.largest_angle) + 1e-9
     angles = np.array([angle for angle in ANGLES if angle <= end], dtype=float)
@@ -390,7 +370,7 @@ def _moments(result: "FabricFit") -> list[dict[str, Any]]:
 
 
 def _tension_notes(
-    curves: "Sequence[tuple[Strip | BiaxialCurve, list[int]]]",
+    curves: Sequence[tuple[Strip | BiaxialCurve, list[int]]],
 ) -> list[str]:
     """Notes on the curves of some families."""
     notes = []
@@ -450,7 +430,7 @@ def _undetermined(fit: Fit) -> ndarray:
     return ~within & ~fit.at_bound
 
 
-def _range_notes(result: "FabricFit") -> list[str]:
+def _range_notes(result: FabricFit) -> list[str]:
     up_to = result.choice.up_to
     notes = [
         f"{specimen.name}: the test contains loading and unloading, and both are "

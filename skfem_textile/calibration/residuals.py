@@ -75,13 +75,13 @@ def strip(test: Strip) -> Sample:
 def biaxial(curve: BiaxialCurve, family: int) -> Sample:
     """Force along one family, F = W T(ε)/λ, for a law of one strain."""
     name = FAMILIES[family]
+    offsets = tuple(_strain_slack(curve, i) for i in curve.loose if i == family)
 
     def predict(laws: Laws, slack: float = 0.0) -> ndarray:
         strain, law = curve.taut(family, slack), laws[name]
         law = _smooth(law) if offsets else law
         return curve.widths[family] * law.value(strain) / np.exp(strain)
 
-    offsets = tuple(_strain_slack(curve, i) for i in curve.loose if i == family)
     called = f"{curve.name}, {name}"
     return Sample(called, curve.force[family], name, predict, offsets)
 
@@ -144,14 +144,13 @@ def shear(
             assert moved is not None
             gamma = specimen.angle_at(moved[used], values["slack"])
             law = _smooth(law)
-            laws = {**laws, "shear": law}
             # ends before a pole, and before the end of the test
             end = min(END_OF_RANGE * domain_of(law)[1], specimen.last_angle(np.inf))
             gamma = np.fmin(gamma, end)
         if simulated is None:
             force = specimen.test.force(law, gamma)
         else:
-            force = simulated.force(laws, gamma)
+            force = simulated.force({**laws, "shear": law}, gamma)
         return force + values.get("force at rest", at_rest or 0.0)
 
     force = specimen.force[used]

@@ -61,7 +61,7 @@ class Candidate:
     zeros: int = 0
 
 
-def reason_against(fit: Fit, largest: float, unit: str) -> str:
+def reason_against(fit: Fit, largest: float) -> str:
     """Reason why a law of one argument is not physical within the data, or nothing.
 
     A law that decreases by more than half the width of its band is not physical.
@@ -72,10 +72,9 @@ def reason_against(fit: Fit, largest: float, unit: str) -> str:
         The fit of the law.
     largest
         Largest argument of the data: an angle in radians, or a strain.
-    unit
-        ``degrees`` for angles, or ``strain``.
     """
-    law, scale = fit.law, np.degrees(1.0) if unit == "degrees" else 1.0
+    law, is_shear = fit.law, fit.samples[0].part == "shear"
+    scale, unit = (np.degrees(1.0), "degrees") if is_shear else (1.0, "strain")
     end = float(np.max(domain_of(law)[1]))
     pole = fit.model.name == "locking" and bool(fit.values[-1] <= fit.model.low[-1])
     if pole or end < largest * (1 - 1e-9):
@@ -260,11 +259,6 @@ def _candidates(
         model = models_of(own, replace(choice, bounds=None, extrapolation=None))[part]
         samples = [x for x in samples_of(own, choice, {}, ()) if x.part == part]
         largest = largest_argument(own, part, choice.up_to)
-        unit = "degrees" if part == "shear" else "strain"
-        found.append(
-            cross_validated(
-                *(name, model, samples),
-                partial(reason_against, largest=largest, unit=unit),
-            )
-        )
+        against = partial(reason_against, largest=largest)
+        found.append(cross_validated(name, model, samples, against))
     return found

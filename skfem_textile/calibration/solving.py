@@ -220,7 +220,8 @@ class Unknowns:
         free: frozenset[str],
         known: Laws | None = None,
     ) -> None:
-        self.models, self.samples, self.known = models, samples, dict(known or {})
+        self.models, self.samples, self.free = models, samples, free
+        self.known = dict(known or {})
         sizes = [len(model.parameters) for model in models.values()]
         ends = np.cumsum([0, *sizes]).tolist()
         self.blocks = {name: slice(*ends[i : i + 2]) for i, name in enumerate(models)}
@@ -369,15 +370,8 @@ class Unknowns:
 
     def _of_zeros(self, field: str) -> ndarray:
         """A field of each free zero."""
-        pairs = zip(self.samples, self._masks, strict=True)
-        return np.array(
-            [
-                getattr(offset, field)
-                for sample, mask in pairs
-                for offset, free in zip(sample.offsets, mask, strict=True)
-                if free
-            ]
-        )
+        offsets = [offset for sample in self.samples for offset in sample.offsets]
+        return np.array([getattr(x, field) for x in offsets if x.name in self.free])
 
 
 # Step of a numerical derivative, relative to the range of a zero.

@@ -23,9 +23,6 @@ BELIEVED = float(np.radians(40.0))
 #: Difference in radians of measured and theoretical angle above which there is slip.
 APART = float(np.radians(2.0))
 
-# Rows of the running median of this difference, so that noise does not count as slip.
-_SMOOTH = 5
-
 #: Rounding tolerance of the ends of the range.
 ROUNDING = 1e-9
 
@@ -186,7 +183,7 @@ class Specimen(MeasuredTest):
         assert self.theoretical_angle is not None
         off = np.abs(self.measured_angle - self.theoretical_angle)
         off = off[np.argsort(self.measured_angle)]
-        return running_median(np.where(np.isfinite(off), off, np.inf), _SMOOTH)
+        return running_median(np.where(np.isfinite(off), off, np.inf))
 
     def last_angle(self, up_to: float | None) -> float:
         """Shear angle in radians up to which points are fitted.

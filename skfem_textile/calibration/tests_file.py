@@ -12,7 +12,7 @@ import numpy as np
 
 from ..declarations.words import OF_FILES, Options
 from ..mesh.user_input import printable
-from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
+from ..scenes.shear_test import BiasExtension, PictureFrame
 from .bending import read_cantilever
 from .choice import Test
 from .preparing import Preparation
@@ -22,43 +22,36 @@ from .tensile import read_biaxial, read_strips
 
 
 def _strips(options: Namespace) -> list[Test]:
-    form, choices = _format(options), _preparation(options)
     sizes = _sizes(options, "width", "length")
-    return [
-        strip
-        for path, size in zip(options.data, sizes, strict=True)
-        for strip in read_strips(path, options.family, *size, form, choices)
-    ]
+    return _read(options, read_strips, [(options.family, *size) for size in sizes])
 
 
 def _frames(options: Namespace) -> list[Test]:
     sizes = _sizes(options, "frame_side", "fabric_side")
-    return _specimens(options, [PictureFrame(*size) for size in sizes])
+    return _read(options, read_specimens, [(PictureFrame(*size),) for size in sizes])
 
 
 def _biases(options: Namespace) -> list[Test]:
     theta = float(np.radians(options.warp))
     sizes = _sizes(options, "width", "height")
-    return _specimens(options, [BiasExtension(*size, theta) for size in sizes])
-
-
-def _specimens(options: Namespace, tests: Sequence[ShearTest]) -> list[Test]:
-    form, choices = _format(options), _preparation(options)
-    return [
-        specimen
-        for path, test in zip(options.data, tests, strict=True)
-        for specimen in read_specimens(path, test, form, choices)
-    ]
+    tests = [(BiasExtension(*size, theta),) for size in sizes]
+    return _read(options, read_specimens, tests)
 
 
 def _biaxials(options: Namespace) -> list[Test]:
-    form, choices = _format(options), _preparation(options)
     sizes = _sizes(options, "warp_width", "weft_width")
-    return [
-        curve
-        for path, size in zip(options.data, sizes, strict=True)
-        for curve in read_biaxial(path, size, form, choices)
-    ]
+    return _read(options, read_biaxial, [(size,) for size in sizes])
+
+
+def _read(
+    options: Namespace,
+    reader: Callable[..., Sequence[Test]],
+    arguments: Sequence[tuple[Any, ...]],
+) -> list[Test]:
+    """Tests of all files, each read with its arguments."""
+    how = _format(options), _preparation(options)
+    pairs = zip(options.data, arguments, strict=True)
+    return [test for path, given in pairs for test in reader(path, *given, *how)]
 
 
 def _cantilevers(options: Namespace) -> list[Test]:

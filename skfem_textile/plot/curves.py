@@ -15,7 +15,7 @@ from matplotlib.path import Path
 from numpy.typing import ArrayLike
 
 from ..fabric.law import BiaxialLaw, Law, domain_of
-from .drawing import new_figure
+from .drawing import legend_below, new_figure
 from .layout import POINT, TITLE, default_width, text_width
 
 if TYPE_CHECKING:
@@ -85,12 +85,8 @@ def curves(
         ]
         if any(len(line) > 2 for lines in panels.values() for line in lines.values()):
             handles.append(Patch(color="grey", alpha=_PALE, label=_BAND))
-        figure.legend(
-            handles=handles,
-            loc="outside lower center",
-            ncols=_columns([str(one.get_label()) for one in handles], width * 25.4),
-            frameon=False,
-        )
+        names = [str(one.get_label()) for one in handles]
+        legend_below(figure, handles, _columns(names, width * 25.4))
     return figure
 
 
@@ -308,10 +304,6 @@ def singular_fibres(
             axes.plot(x, y, "o", color="black", markersize=3)
         axes.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
         kinds = [kind for kind in _LINES if kind in {k for k, _ in drawn}]
-        figure.legend(
-            handles=[Line2D([], [], label=_LABELS[k], **_LINES[k]) for k in kinds],
-            loc="outside lower center",
-            frameon=False,
-            handlelength=3.5,
-        )
+        handles = [Line2D([], [], label=_LABELS[k], **_LINES[k]) for k in kinds]
+        legend_below(figure, handles, handlelength=3.5)
     return figure

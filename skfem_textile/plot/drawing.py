@@ -7,13 +7,13 @@ tool hides.
 import contextlib
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -72,7 +72,11 @@ def draw(
         width = default_width(columns) if size is None else size
         pyvista_drawing().draw_into(plotter, sheet, width)
     if path:
-        save_pixels(plotter.screenshot(return_img=True), path)
+        from PIL import Image
+
+        with atomic_file(path, ".png") as file:
+            pixels = Image.fromarray(plotter.screenshot(return_img=True))
+            pixels.save(file, dpi=(PRINTED, PRINTED))
     return plotter
 
 
@@ -243,33 +247,14 @@ def save(figure: Figure, path: Path | None) -> None:
         figure.savefig(file, dpi=PRINTED, metadata=_NO_DATE.get(suffix))
 
 
-def save_pixels(pixels: Any, path: Path) -> None:
-    """Write pixels as a PNG with 300 dots per inch."""
-    from PIL import Image
-
-    with atomic_file(path, ".png") as file:
-        Image.fromarray(pixels).save(file, dpi=(PRINTED, PRINTED))
-
-
-def figure_style(size: float = TITLE) -> AbstractContextManager[None]:
-    """Context in which figures have one style, with text of a size in points.
-
-    Examples
-    --------
-    >>> with figure_style():
-    ...     mpl.rcParams["font.size"], mpl.rcParams["axes.spines.top"]
-    (8.0, False)
-    """
-    return mpl.rc_context(
-        {
-            "font.size": size,
-            "axes.titlesize": "medium",
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "axes.linewidth": 0.6,
-            "lines.linewidth": 1.0,
-        }
-    )
+# Style of all figures with axes.
+_AXES_STYLE = {
+    "axes.titlesize": "medium",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.0,
+}
 
 
 @contextlib.contextmanager
@@ -279,9 +264,24 @@ def new_figure(
     """Yield a figure in the style of all figures, which is written at the end.
 
     The name of the file, which may be None, is validated first.
+
+    Examples
+    --------
+    >>> with new_figure(None):
+    ...     mpl.rcParams["font.size"], mpl.rcParams["axes.spines.top"]
+    (8.0, False)
     """
     path = None if filename is None else picture_path(filename)
-    with figure_style(font_size):
+    with mpl.rc_context({"font.size": font_size, **_AXES_STYLE}):
         figure = Figure(layout="constrained")
         yield figure
         save(figure, path)
+
+
+def legend_below(
+    figure: Figure, handles: Sequence[Artist], columns: int = 1, **how: Any
+) -> None:
+    """Add a legend with the labels of its handles below the axes."""
+    figure.legend(
+        handles=handles, loc="outside lower center", frameon=False, ncols=columns, **how
+    )

@@ -45,7 +45,7 @@ class Displaced:
         """None: there is no tool."""
 
 
-def results_of(drawn: Sequence[Drawn], state: int = -1) -> tuple[list, list]:
+def results_of(drawn: Sequence[Drawn], state: int) -> tuple[list, list]:
     """Results, and the state of each that is drawn.
 
     A basis, its DOF vector and a fabric, in this order, are one result.

@@ -30,7 +30,7 @@ from ..solve.result import Result
 from ..solve.states import State
 from ..surfaces.tool_mesh import cut_in_two
 from .curves import COLOURS, curves
-from .drawing import new_figure
+from .drawing import legend_below, new_figure
 from .fields import FIELDS, refuse_other_than_result
 from .layout import COLUMN, PAGE
 from .pictures import RISK, Picture, View, key_of_marks, stage_of
@@ -154,9 +154,7 @@ def section(
             axes.set(xlabel="In the plane (mm)" if angle else "x (mm)", ylabel="z (mm)")
         handles: list[Artist] = [Line2D([], [], label="ply", **_PLY)]
         handles += [Patch(color=c, label=name) for name, c in colours.items()]
-        figure.legend(
-            handles=handles, loc="outside lower center", ncols=4, frameon=False
-        )
+        legend_below(figure, handles, columns=4)
     return figure
 
 

@@ -1,7 +1,7 @@
 """Pictures of kinematic nets on tools."""
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -12,7 +12,7 @@ from ..nets.sheet import Pieces, Sheet
 from ..nets.start_search import BestStart
 from ..surfaces.surface import Axes
 from ..surfaces.triangle_mesh import TriangleMesh
-from .drawing import draw, new_figure
+from .drawing import draw, legend_below, new_figure
 from .fields import FIELDS, reach, tool_under
 from .layout import PAGE, default_width
 from .sheet import (
@@ -146,16 +146,10 @@ def starts(
         axes.plot(*chosen, "o", mfc="none", mec=REFUSED, markersize=9, zorder=4)
         axes.set(aspect="equal", xlabel=f"{'xyz'[i]} (mm)", ylabel=f"{'xyz'[j]} (mm)")
         axes.autoscale_view()
-        handles = [
-            Line2D([], [], ls="", marker="o", mfc="none", mec=REFUSED, ms=7),
-            Line2D([], [], ls="", marker="x", color="0.55", ms=4),
-        ]
-        labels = ["best start", "folds or leaves a gap"]
-        known = 1 if laid.all() else 2
-        figure.legend(
-            *(handles[:known], labels[:known]),
-            loc="outside lower center",
-            frameon=False,
-            ncols=2,
-        )
+        looks: dict[str, dict[str, Any]] = {
+            "best start": {"marker": "o", "mfc": "none", "mec": REFUSED, "ms": 7},
+            "folds or leaves a gap": {"marker": "x", "color": "0.55", "ms": 4},
+        }
+        handles = [Line2D([], [], ls="", label=k, **looks[k]) for k in looks]
+        legend_below(figure, handles[: 1 if laid.all() else 2], columns=2)
     return figure

@@ -149,17 +149,20 @@ class Picture:
         titles: Sequence[str] = (),
     ) -> list[Panel]:
         """One panel for each result, with its title if ``titles`` is empty."""
-        none = [None] * len(self.results)
-        lines = [fibres_of(x.ply) for x in self.results] if fibres else none
-        columns = titles or self.titles(), self.shapes, values or none, lines
-        panels = [
-            Panel(title, shape, each, scale, of_ply)
-            for title, shape, each, of_ply in zip(*columns, strict=True)
+        n = len(self.results)
+        none: list[None] = [None] * n
+        columns = zip(
+            titles or self.titles(),
+            self.shapes,
+            values or none,
+            [fibres_of(x.ply) for x in self.results] if fibres else none,
+            marked or [np.empty(0, dtype=int)] * n,
+            strict=True,
+        )
+        return [
+            Panel(title, shape, each, scale, lines, elements)
+            for title, shape, each, lines, elements in columns
         ]
-        if not marked:
-            return panels
-        pairs = zip(panels, marked, strict=True)
-        return [panel._replace(marked=elements) for panel, elements in pairs]
 
 
 #: Key of elements with a risk of wrinkling.

@@ -54,18 +54,14 @@ def test_noise_of_a_crimped_fabric_is_not_taken_for_a_force_at_rest():
 def test_a_force_at_rest_is_reported_with_its_size():
     moved, angle, force = curve(BIAS, SOFTENING)
     offset = 0.1 * force.max()
-    offsets = []
-    for seed in range(40):
-        disturbed = curve(BIAS, SOFTENING, seed=2 * seed, noise=0.02)[2]
-        offsets.append(force_at_rest(angle, disturbed + offset))
+    disturbed = (noisy(force, 0.02, seed) + offset for seed in range(40))
+    offsets = [force_at_rest(angle, force) for force in disturbed]
     assert min(offsets) > 0
     assert np.median(offsets) == pytest.approx(offset, rel=0.1)
     assert force_at_rest(angle, force - offset) == pytest.approx(-offset, rel=0.1)
-    match = re.search(
-        r"one: the force at rest is about (.*) N, 9 % of the largest force, and no law",
-        notes(moved, force + offset),
-    )
-    assert float(match[1]) == pytest.approx(offset, rel=0.1)
+    said = r"one: the force at rest is about (.*) N, 9 % of the largest force, and no"
+    (size,) = re.findall(said, notes(moved, force + offset))
+    assert float(size) == pytest.approx(offset, rel=0.1)
     assert "at rest" not in notes(moved, force)
 
 
@@ -100,19 +96,19 @@ def test_strains_in_another_unit_are_reported():
 
 def test_angles_that_are_too_small_for_a_shear_test_are_reported():
     gamma = np.radians(np.linspace(0.1, 4.0, 30))
-    moved, force = BIAS.displacement(gamma), BIAS.force(Sin2(0.3), gamma)
-    assert "one: the shear angle reaches only 4 degrees" in notes(moved, force)
-    gamma *= 2.0
-    moved, force = BIAS.displacement(gamma), BIAS.force(Sin2(0.3), gamma)
-    assert "reaches only" not in notes(moved, force)
+    small, large = (
+        notes(BIAS.displacement(x), BIAS.force(Sin2(0.3), x))
+        for x in (gamma, 2 * gamma)
+    )
+    assert "one: the shear angle reaches only 4 degrees" in small
+    assert "reaches only" not in large
 
 
 def test_forces_in_equal_steps_are_reported():
     moved, _, force = curve(BIAS, SOFTENING)
     scale = moved[-1] / force[-1]
-    assert "check whether the columns are swapped" in notes(
-        force * scale, moved / scale
-    )
+    swapped = notes(force * scale, moved / scale)
+    assert "check whether the columns are swapped" in swapped
 
 
 def test_a_curve_of_unloading_alone_is_reported():

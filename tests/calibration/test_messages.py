@@ -1,13 +1,13 @@
 """Messages about tests that cannot be read or fitted."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from skfem_textile import Fabric, Linear, Polynomial
 from skfem_textile.calibration import (
-    BiasExtension,
     BiaxialCurve,
     CantileverTest,
     Choice,
@@ -19,18 +19,26 @@ from skfem_textile.calibration import (
     predict,
     prepare,
     read_biaxial,
+    read_cantilever,
     read_recordings,
     read_specimens,
     validate,
 )
 from skfem_textile.calibration.simulation import FIBRES
 from skfem_textile.calibration.solving import covariance_of
-from skfem_textile.cli import main as cli
-from tests.helpers.fits import BIAS, FRAME, fit_shear, fit_tension, specimen, strip
+from tests.helpers import refused
+from tests.helpers.fits import (
+    BIAS,
+    FRAME,
+    QUINTIC,
+    fit_shear,
+    fit_tension,
+    specimen,
+    strip,
+)
 
 X = np.linspace(0.0, 1.0, 50)
 GAMMA = np.radians(np.linspace(1.0, 40.0, 60))
-QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
 SOFTENING = Polynomial((0.3, 0.0, -0.9, 0.0, 0.8))
 DATA, ON_FRAME = specimen(BIAS, QUINTIC, GAMMA), specimen(FRAME, QUINTIC, GAMMA)
 STRIP = strip(Linear(2e3), np.linspace(0.0, 6.0, 80), 0.005)
@@ -64,20 +72,17 @@ def other(**columns):
 #: Rows (function, arguments, options, message).
 FITS = [
     (fit_shear, ([DATA], "cubic"), {}, "unknown law 'cubic': choose one of polynom"),
-    (Choice, ("spline",), {}, "tabulated or auto"),
     (fit_shear, ([DATA],), {"degree": 4}, "must be an odd number"),
     (fit_shear, ([DATA],), {"up_to": -1.0}, "must be positive, got -57.2958 degrees"),
-    (fit_shear, ([DATA],), {"up_to": 1e-4}, "no shear angle is between 0 and 0.00573"),
     (fit_shear, ([DATA],), {"bounds": {"c2": (0, 1)}}, "no parameter 'c2'"),
     (fit_shear, ([DATA], "linear"), {"bounds": BELOW}, "leave no number between"),
     (fit_shear, ([FEW],), {}, "3 points are too few for the 3 parameters"),
     (fit_shear, ([DATA], "tabulated"), {"points": 0}, "at least one point"),
     (fit_shear, ([ON_FRAME],), {"simulation": Simulation()}, "only bias-extension tes"),
-    (fit_tests, ([STRIP], None, Simulation()), {}, "only bias-extension tests"),
     (Simulation, (), {"across": 5}, "even and at least 2"),
     (fit_shear, (other(force=-DATA.force),), {}, "one: the forces must be positive"),
     (fit_shear, (other(force=0 * GAMMA + 3),), {}, "one: the force is 3 N at every"),
-    (fit_shear, (other(displacement=-MOVED),), {}, "degrees: the angles range from -2"),
+    (fit_shear, (other(displacement=-MOVED),), {}, "between 0 .* angles range from -2"),
     (fit_shear, (other(displacement=1e3 * MOVED),), {}, "all displacements are beyond"),
     (fit_shear, (other(measured_angle=60 * GAMMA),), {}, "2400 degrees, but the test"),
     (covariance_of, (ALIKE, np.ones(50)), {}, "parameters are not identifiable"),
@@ -86,7 +91,6 @@ FITS = [
     (fit_tension, ([FALLING], "tabulated"), {"points": 4}, "tabulated of the warp"),
     (fit_tests, ([],), {}, "no test is given"),
     (fit_tension, ([STRIP], "crimp-interchange"), {}, "use biaxial tests alone"),
-    (fit_tension, ([STRIP],), {"bounds": {"c1": (0, 1)}}, "crimp-toe has no parameter"),
     (fit_tension, ([STRIP],), {"extrapolation": "linear"}, "omit the extrapolation"),
     (replace, (STRIP,), {"family": "fill"}, "the family must be warp or weft"),
     (fit_tension, ([PULL], "sin2"), {}, "unknown law 'sin2': choose one of crimp-toe"),
@@ -94,33 +98,24 @@ FITS = [
     (fit_tension, ([PUSHED],), {}, "forces along the warp must be positive"),
     (fit_tests, ([READING],), {}, "1 points are too few for the 1 parameters"),
     (Preparation, (), {"slack": np.nan}, "must be finite, got"),
-    (Preparation, (), {"force_at_rest": np.inf}, "must be finite, got"),
     (Preparation, (), {"branch": "up"}, "the branch must be one of loading"),
     (Preparation, (), {"cycle": 0}, "numbered from 1 on"),
     (prepared, (CYCLES, CYCLES), {"cycle": 3}, "no loading of cycle 3: the test has 2"),
-    (
-        prepared,
-        (CYCLES, CYCLES),
-        {"branch": "unloading"},
-        "no unloading of cycle 2",
-    ),
 ]
 
 
 @pytest.mark.parametrize(("call", "arguments", "options", "message"), FITS)
 def test_what_cannot_be_fitted_is_refused(call, arguments, options, message):
-    with pytest.raises(ValueError, match=message) as error:
-        call(*arguments, **options)
-    assert "\n" not in str(error.value)
+    refused(partial(call, *arguments, **options), message)
 
 
 def test_only_shear_tests_with_displacements_are_predicted():
+    base, sheared = Fabric(FIBRES), fit_shear([ON_FRAME])
     pulled = fit_tests([STRIP], Choice(tension="linear"))
-    with pytest.raises(ValueError, match="requires a fitted shear law"):
-        predict(pulled, Fabric(FIBRES), BIAS, GAMMA)
+    refused(partial(predict, pulled, base, BIAS, GAMMA), "requires a fitted shear law")
     angles = replace(ON_FRAME, displacement=None, measured_angle=GAMMA)
-    with pytest.raises(ValueError, match="one: only bias extensions and picture"):
-        validate(fit_shear([ON_FRAME]), Fabric(FIBRES), [angles])
+    message = "one: only bias extensions and picture"
+    refused(partial(validate, sheared, base, [angles]), message)
 
 
 def written(tmp_path, text, name="test.csv"):
@@ -149,7 +144,6 @@ FILES = [
     ("force (pound)\n1\n", "'force' must be one of N, .* got 'pound': convert"),
     ("force (kg)\n1\n", "got 'kg': use --unit force=kgf for the weight"),
     ("Усилие (Н),Путь (мм)\n1,2\n", "the columns are named Усилие, Путь: specify"),
-    ("time (s)\n1\n", "row 2: the columns are named time"),
     ("1;2\n2;3\n", "row 1: the columns have no headings: .*--column force=2"),
     ("force (N),load (N)\n1,2\n", r"column 1 \('force'\) and column 2 \('load'\)"),
     ("force (N),displacement (mm)\n", "the file contains no rows"),
@@ -194,10 +188,8 @@ FILES = [
 
 @pytest.mark.parametrize(("text", "message"), FILES, ids=[row[1] for row in FILES])
 def test_files_that_cannot_be_read_are_refused_in_one_line(tmp_path, text, message):
-    with pytest.raises(ValueError, match=message) as error:
-        read_specimens(written(tmp_path, text), BiasExtension(50.0, 100.0))
-    assert "\n" not in str(error.value)
-    assert "test.csv" in str(error.value)
+    file = written(tmp_path, text)
+    assert "test.csv" in refused(partial(read_specimens, file, BIAS), message)
 
 
 SIZE = "Größe (mm),force (N)\n1,2\n"
@@ -224,9 +216,8 @@ OPTIONS = [
 
 @pytest.mark.parametrize(("text", "form", "message"), OPTIONS)
 def test_options_that_do_not_suit_a_file_are_refused(tmp_path, text, form, message):
-    with pytest.raises(ValueError, match=message) as error:
-        read_recordings(written(tmp_path, text), Format(**form))
-    assert "\n" not in str(error.value)
+    file = written(tmp_path, text)
+    refused(lambda: read_recordings(file, Format(**form)), message)
 
 
 def test_a_slack_requires_a_displacement(tmp_path):
@@ -235,15 +226,12 @@ def test_a_slack_requires_a_displacement(tmp_path):
     strains = written(tmp_path, text, "strains.csv")
     given, zero = Preparation(slack=2.0), Preparation(slack=0.0)
     message = "a slack of 2 mm requires a displacement, .* contains {}: omit --slack"
-    with pytest.raises(ValueError, match=message.format("shear angles")):
-        read_specimens(angles, BIAS, choices=given)
-    with pytest.raises(ValueError, match=message.format("strains")):
-        read_biaxial(strains, (100.0, 100.0), choices=given)
-    assert read_specimens(angles, BIAS, choices=zero)[0].slack == 0.0
-    assert not read_biaxial(strains, (100.0, 100.0), choices=zero)[0].slack_is_unknown
-    one_family = written(tmp_path, "warp strain (%),warp force (N)\n2,3\n", "one.csv")
-    with pytest.raises(ValueError, match="the column 'weft strain' is missing"):
-        read_biaxial(one_family, (1.0, 1.0))
+    shear = partial(read_specimens, angles, BIAS)
+    pull = partial(read_biaxial, strains, (100.0, 100.0))
+    refused(partial(shear, choices=given), message.format("shear angles"))
+    refused(partial(pull, choices=given), message.format("strains"))
+    assert shear(choices=zero)[0].slack == 0.0
+    assert not pull(choices=zero)[0].slack_is_unknown
 
 
 @pytest.mark.parametrize(("n", "at"), [(8, [4]), (60, [30, 31, 32])])
@@ -252,38 +240,24 @@ def test_overloads_that_are_not_outliers_of_a_curve_are_refused(n, at):
     force = x**2 + 1.0
     force[at] = 99999.0
     named = ", ".join(str(2 + i) for i in at)
-    with pytest.raises(ValueError, match=f"the force of 99999 in rows? {named} is far"):
-        prepared(x, force)
+    refused(partial(prepared, x, force), f"force of 99999 in rows? {named} is far")
     assert prepared(x, force, outliers=False).recording.rows.size == n
 
 
-ANGLE = ("--chord-angle", "41")
+HEADINGS = "overhang (mm),chord angle (deg)"
+FIXED = {"angle": np.radians(41.0)}
 CANTILEVERS = [
-    ("overhang (mm)\n200\n", (), "either in the column 'chord angle' or"),
-    ("chord angle (deg)\n41\n", (), "the column 'overhang' is missing"),
-    (
-        "overhang (mm),chord angle (deg)\n200,89\n",
-        (),
-        "between 0.5 and 85 degrees, got angles from 89",
-    ),
-    ("overhang (mm),chord angle (deg)\n-1,40\n", (), "must be positive"),
-    (
-        "overhang,chord angle (deg)\n1,40\n",
-        (),
-        "must be one of mm, cm, m, in, and it has none",
-    ),
-    ("overhang (mm)\n1\n", (*ANGLE, "--weight", "0"), "positive"),
-    (
-        "overhang (mm)\n1\n",
-        (*ANGLE, "--weight", "600"),
-        "if it is 600 g/m2, give 5.884e-06 N/mm2",
-    ),
+    ("overhang (mm)\n200\n", {}, "either in the column 'chord angle' or"),
+    ("chord angle (deg)\n41\n", {}, "the column 'overhang' is missing"),
+    (f"{HEADINGS}\n200,89\n", {}, "between 0.5 and 85 degrees, got angles from 89"),
+    (f"{HEADINGS}\n-1,40\n", {}, "must be positive"),
+    ("overhang,chord angle (deg)\n1,40\n", {}, "one of mm, cm, m, in, and it has none"),
+    ("overhang (mm)\n1\n", {"weight": 0.0, **FIXED}, "must be a positive number"),
+    ("overhang (mm)\n1\n", {"weight": 600, **FIXED}, "give 5.884e-06 N/mm2"),
 ]
 
 
-@pytest.mark.parametrize(("text", "more", "message"), CANTILEVERS)
-def test_invalid_cantilevers_are_refused(tmp_path, capsys, text, more, message):
-    file, weight = written(tmp_path, text), ("--weight", "1e-6")
-    options = *(more or weight), "--out", str(tmp_path / "out")
-    assert cli.main(["fit", "cantilever", str(file), *options]) == 2
-    assert message in capsys.readouterr().err
+@pytest.mark.parametrize(("text", "how", "message"), CANTILEVERS)
+def test_invalid_cantilevers_are_refused(tmp_path, text, how, message):
+    file = written(tmp_path, text)
+    refused(partial(read_cantilever, file, **{"weight": 1e-6, **how}), message)

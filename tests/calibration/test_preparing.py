@@ -16,7 +16,7 @@ from skfem_textile.calibration import (
 from skfem_textile.calibration.outliers import outliers, overloads
 from skfem_textile.calibration.report import data_report
 from skfem_textile.calibration.specimens import BELIEVED
-from tests.helpers.fits import BIAS, FRAME, fit_shear, of_shear
+from tests.helpers.fits import BIAS, FRAME, UNKNOWN, fit_shear, noisy, of_shear, pulled
 
 LAW = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
 MOVED = np.linspace(0.0, float(BIAS.displacement(np.radians(39.0))), 100)
@@ -57,6 +57,11 @@ def test_the_first_complete_cycle_is_used():
     assert "loading of cycle 2 of 2 is used" in said(prepared(moved, force))
     first = prepared(moved, force, cycle=1).recording.columns["displacement"]
     assert first.max() <= half[-1]
+    back = prepared(moved, force, branch="unloading")
+    assert "unloading of cycle 2 of 2 is used" in said(back)
+    assert back.recording.columns["displacement"].max() > half[-1]
+    ended = prepared(moved[:-100], force[:-100], branch="unloading", cycle=1)
+    assert ended.recording.rows.size > 40
 
 
 def test_a_dwell_at_the_end_is_left_out():
@@ -67,19 +72,7 @@ def test_a_dwell_at_the_end_is_left_out():
 
 
 def test_noise_of_the_displacement_is_no_reversal():
-    noise = 0.02 * MOVED[-1] * np.random.default_rng(1).standard_normal(100)
-    assert len(prepared(MOVED + noise, FORCE).branches) == 1
-
-
-def test_the_unloading_of_the_fitted_cycle_is_used():
-    half = MOVED[:50]
-    moved = np.concatenate([half, half[::-1], MOVED, MOVED[::-1]])
-    force = np.interp(moved, MOVED, FORCE)
-    back = prepared(moved, force, branch="unloading")
-    assert "unloading of cycle 2 of 2 is used" in said(back)
-    assert back.recording.columns["displacement"].max() > half[-1]
-    ended = moved[:-100], force[:-100]
-    assert prepared(*ended, branch="unloading", cycle=1).recording.rows.size > 40
+    assert len(prepared(noisy(MOVED, 0.02, 1), FORCE).branches) == 1
 
 
 # Outliers
@@ -87,8 +80,7 @@ def test_the_unloading_of_the_fitted_cycle_is_used():
 
 def test_outliers_are_left_out_of_each_branch():
     moved = np.concatenate([MOVED, MOVED[::-1]])
-    force = np.concatenate([FORCE, 0.75 * FORCE[::-1]])
-    force += 0.01 * FORCE.max() * np.random.default_rng(2).standard_normal(200)
+    force = noisy(np.concatenate([FORCE, 0.75 * FORCE[::-1]]), 0.01, 2)
     force[[20, 150]] = 99999.0, -9999.0
     one = prepared(moved, force, branch="both")
     assert one.outliers.tolist() == [22, 152]
@@ -101,12 +93,8 @@ def test_outliers_are_left_out_of_each_branch():
 @pytest.mark.slow
 def test_normal_noise_has_no_outliers():
     """At most one in a thousand curves, by definition; of 300, five is improbable."""
-    found = 0
-    for seed in range(300):
-        rng = np.random.default_rng(seed)
-        noisy = FORCE + 0.03 * FORCE.max() * rng.standard_normal(100)
-        found += outliers(MOVED, noisy).any()
-    assert found < 5
+    noises = (noisy(FORCE, 0.03, seed) for seed in range(300))
+    assert sum(outliers(MOVED, force).any() for force in noises) < 5
 
 
 def test_a_kink_or_a_steep_end_is_no_outlier():
@@ -116,13 +104,10 @@ def test_a_kink_or_a_steep_end_is_no_outlier():
     assert not outliers(MOVED, np.where(MOVED > 20.0, 0.3 * FORCE, FORCE)).any()
 
 
-@pytest.mark.parametrize("value", [99999.0, -9999.0, 30.0])
+@pytest.mark.parametrize("value", [99999.0, -9999.0, 0.3 * FORCE.max() + 30.0])
 def test_outliers_are_named_by_row_and_left_out(value):
-    rng = np.random.default_rng(2)
-    force = FORCE + 0.01 * FORCE.max() * rng.standard_normal(100)
+    force = noisy(FORCE, 0.01, 2)
     force[[20, 21, 70]] = value, 1.1 * value, value
-    if value == 30.0:
-        force[[20, 21, 70]] += force.max() * 0.3
     one = prepared(MOVED, force)
     assert one.outliers.tolist() == [22, 23, 72]
     assert "rows 22, 23, 72: outliers of the force, such as" in said(one)
@@ -133,9 +118,7 @@ def test_outliers_are_named_by_row_and_left_out(value):
 
 
 def test_jumps_of_the_displacement_are_named():
-    moved = MOVED.copy()
-    moved[40] = -500.0
-    one = prepared(moved, FORCE)
+    one = prepared(np.where(np.arange(100) == 40, -500.0, MOVED), FORCE)
     assert one.outliers.tolist() == [42]
     assert "row 42: outliers of the displacement, such as -500" in said(one)
 
@@ -152,16 +135,11 @@ def test_an_absolute_position_is_counted_from_its_beginning():
     assert not late.begins_at_rest
 
 
-UNKNOWN = Zeros(None, None)
-
-
 def specimen(toe=0.0, at_rest=0.0, noise=0.01, seed=1, zeros=UNKNOWN):
     """Curve of `LAW` with a toe in mm and a share of the largest force at rest."""
     moved = np.linspace(0.0, MOVED[-1] + toe, 200)
-    force = BIAS.force(LAW, BIAS.shear_angle(np.maximum(moved - toe, 0.0)))
-    rng = np.random.default_rng(seed)
-    force += force.max() * (at_rest + noise * rng.standard_normal(200))
-    return Specimen("one", BIAS, force, moved, zeros=zeros)
+    one = pulled(BIAS, LAW, moved, toe, noise, seed, zeros)
+    return replace(one, force=one.force + at_rest * FORCE.max())
 
 
 def test_a_toe_is_determined_with_its_uncertainty_and_reported():
@@ -239,13 +217,12 @@ def correlated(rng, n, rho):
 
 def test_no_slack_is_invented_on_noisy_frames_that_begin_at_the_origin():
     """An F-test at 5 % rejects zero in 1 of 20 by chance; 4 of 8 are improbable."""
-    law, invented = Sin2(0.1), 0
     moved = np.linspace(0.0, float(FRAME.displacement(np.radians(44.0))), 150)
-    exact = FRAME.force(law, FRAME.shear_angle(moved))
+    exact, invented = pulled(FRAME, Sin2(0.1), moved, zeros=Zeros(None, 0.0)), 0
     for seed in range(8):
         noise = correlated(np.random.default_rng(seed), 150, 0.8)
-        one = Specimen("one", FRAME, exact + 0.05 * exact.max() * noise, moved)
-        fit = of_shear([replace(one, zeros=Zeros(None, 0.0))], "sin2")
+        force = exact.force + 0.05 * exact.force.max() * noise
+        fit = of_shear([replace(exact, force=force)], "sin2")
         invented += "slack" in fit.free
         ((low, high),) = fit.intervals
         assert low <= fit.values[0] <= high
@@ -265,23 +242,17 @@ def test_repeats_have_a_toe_each():
 def test_a_measured_angle_determines_the_slack():
     gamma = np.radians(np.linspace(0.0, 39.0, 50))
     moved = BIAS.displacement(gamma) + 3.0
-    one = Specimen("one", BIAS, BIAS.force(LAW, gamma), moved, gamma, Zeros(None, None))
+    one = Specimen("one", BIAS, BIAS.force(LAW, gamma), moved, gamma, UNKNOWN)
     assert one.slack == pytest.approx(3.0)
     assert np.degrees(one.kinematics_limit) == pytest.approx(39.0)
 
 
-@pytest.mark.parametrize(
-    ("name", "law"),
-    [
-        ("tabulated", LAW),
-        ("locking", Locking(0.2, np.radians(70))),
-        ("sin2", Sin2(0.2)),
-    ],
-)
+LAWS = {"tabulated": LAW, "locking": Locking(0.2, np.radians(70)), "sin2": Sin2(0.2)}
+
+
+@pytest.mark.parametrize(("name", "law"), LAWS.items())
 def test_every_law_is_fitted_with_a_toe(name, law):
-    moved = np.linspace(0.0, 60.0, 21)
-    force = FRAME.force(law, FRAME.shear_angle(np.maximum(moved - 3.0, 0.0)))
-    one = Specimen("one", FRAME, force, moved, zeros=Zeros(None, None))
+    one = pulled(FRAME, law, np.linspace(0.0, 60.0, 21), 3.0)
     fit = of_shear([one], name, points=3)
     gamma = np.radians([10.0, 20.0])
     np.testing.assert_allclose(fit.law.value(gamma), law.value(gamma), rtol=0.03)
@@ -290,8 +261,7 @@ def test_every_law_is_fitted_with_a_toe(name, law):
 def test_a_slack_does_not_close_a_frame():
     """A negative slack would continue the motion beyond a right angle."""
     moved = np.linspace(0.0, float(FRAME.displacement(np.radians(84.0))), 200)
-    force = FRAME.force(LAW, FRAME.shear_angle(moved))
-    one = Specimen("one", FRAME, force, moved, zeros=UNKNOWN)
+    one = pulled(FRAME, LAW, moved)
     sample = of_shear([one]).samples[0]
     _, slack = sample.offsets
     for law in (LAW, Locking(0.1, np.radians(80.0))):
@@ -316,14 +286,10 @@ def test_the_end_of_a_curve_that_rises_steeply_is_not_an_overload():
     assert overloads(np.array([0.0, 0.0, 5.0, 0.0])).tolist() == [0, 0, 1, 0]
 
 
-def noisy_toe(seed, toe=8.0, law=LAW):
+def noisy_toe(seed, toe=8.0):
     """Curve beyond the range, of 45 degrees, with much noise and a long toe."""
-    end = float(BIAS.displacement(np.radians(45.0))) + toe
-    moved = np.linspace(0.0, end, 120)
-    force = BIAS.force(law, BIAS.shear_angle(np.maximum(moved - toe, 0.0)))
-    noise = np.random.default_rng(seed).standard_normal(moved.size)
-    force += 0.05 * force.max() * noise
-    return Specimen("one", BIAS, force, moved, zeros=Zeros(None, 0.0))
+    moved = np.linspace(0.0, float(BIAS.displacement(np.radians(45.0))) + toe, 120)
+    return pulled(BIAS, LAW, moved, toe, 0.05, seed, Zeros(None, 0.0))
 
 
 def test_the_range_ends_at_the_angle_of_the_fitted_slack():

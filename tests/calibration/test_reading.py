@@ -68,57 +68,48 @@ def test_the_reading_is_stated(tmp_path):
     )
 
 
-def test_columns_come_in_any_order_with_their_units(tmp_path):
-    header = "Load (kN),time (s), Angle [deg],extension [ cm ]\n"
-    (recording,) = read(tmp_path, f"{header}1,2,90,4\n")
-    columns = recording.columns
-    assert set(columns) == {"force", "shear angle", "displacement"}
-    assert columns["force"].tolist() == [1000.0]
-    assert columns["displacement"].tolist() == [40.0]
-    assert columns["shear angle"] == pytest.approx([np.pi / 2])
+HEADER = "Load (kN),time (s), Angle [deg],extension [ cm ]\n"
+OTHER = "displacement (mm),other (mm),force (N)\n1,2,3\n2,4,6\n"
+DOUBTFUL = "displacement (mm);force (N)\n1,234;2,345\n2,234;4,345\n"
+WEIGHTS = "displacement (mm);load (kp);load (gf)\n1;2;2\n"
+GROUPED = "displacement (mm);force (N)\n0,5;1.234,5\n1,5;12.345,0\n"
+QUOTED = 'displacement (mm),force (N)\n0.5,"1,234.5"\n1.5,"12,345"\n'
+
+#: Rows (text, options, columns).
+TEXTS = [
+    (f"{HEADER}1,2,90,4\n", {}, {"force": 1e3, "shear angle": np.pi / 2}),
+    (f"{HEADER}1,2,90,4\n", {}, {"displacement": 40.0}),
+    ("Dehnung;Standardkraft\n%;N\n0,10;15,2\n", {}, {"strain": 1e-3, "force": 15.2}),
+    (GROUPED, {}, {"force": [1234.5, 12345.0]}),
+    (QUOTED, {}, {"force": [1234.5, 12345.0]}),
+    (OTHER, {"columns": {"displacement": 2}}, {"displacement": [2.0, 4.0]}),
+    (OTHER, {"columns": {"displacement": "other"}}, {"displacement": [2.0, 4.0]}),
+    (OTHER, {"units": {"force": "kN"}}, {"force": [3e3, 6e3]}),
+    (OTHER, {"signs": {"force": -1, "displacement": 1}}, {"force": [-3.0, -6.0]}),
+    (DOUBTFUL, {"decimal": ","}, {"force": [2.345, 4.345]}),
+    (DOUBTFUL, {"decimal": "."}, {"force": [2345.0, 4345.0]}),
+    ("force (N)\n1,5\n2,5\n", {"separator": ";"}, {"force": [1.5, 2.5]}),
+    (WEIGHTS, {"columns": {"force": 2}}, {"force": 19.6133}),
+    (WEIGHTS, {"columns": {"force": 3}}, {"force": 0.0196133}),
+]
 
 
-def test_options_overrule_the_content(tmp_path):
-    text = "displacement (mm),other (mm),force (N)\n1,2,3\n2,4,6\n"
-    units = {"force": "kN"}
-    (one,) = read(
-        tmp_path,
-        text,
-        columns={"displacement": 2},
-        units=units,
-        signs={"force": -1, "displacement": 1},
-    )
-    assert one.columns["displacement"].tolist() == [2.0, 4.0]
-    assert one.columns["force"].tolist() == [-3000.0, -6000.0]
-    (two,) = read(tmp_path, text, columns={"displacement": "other"})
-    assert two.columns["displacement"].tolist() == [2.0, 4.0]
-    doubtful = "displacement (mm);force (N)\n1,234;2,345\n2,234;4,345\n"
-    for mark, factor in ((",", 1), (".", 1000)):
-        (three,) = read(tmp_path, doubtful, decimal=mark)
-        assert three.columns["force"] == pytest.approx([2.345 * factor, 4.345 * factor])
-    (four,) = read(tmp_path, "force (N)\n1,5\n2,5\n", separator=";")
-    assert four.columns["force"].tolist() == [1.5, 2.5]
+@pytest.mark.parametrize(("text", "form", "columns"), TEXTS)
+def test_columns_have_their_names_units_and_options(tmp_path, text, form, columns):
+    (recording,) = read(tmp_path, text, **form)
+    for name, values in columns.items():
+        assert recording.columns[name] == pytest.approx(np.atleast_1d(values))
+
+
+def test_other_columns_are_not_read(tmp_path):
+    (recording,) = read(tmp_path, f"{HEADER}1,2,90,4\n")
+    assert set(recording.columns) == {"force", "shear angle", "displacement"}
 
 
 def test_a_folder_contains_one_recording_per_file(tmp_path):
     for name in ("b.csv", "a.txt", "notes.md"):
         write(tmp_path, "displacement (mm)\tforce (N)\n0\t0\n1\t2\n", name)
     assert [one.name for one in read_recordings(tmp_path)] == ["a.txt", "b.csv"]
-
-
-def test_a_uniaxial_test_is_read(tmp_path):
-    text = "Dehnung;Standardkraft\n%;N\n0,00;0,1\n0,10;15,2\n0,20;31,4\n"
-    (recording,) = read(tmp_path, text)
-    assert recording.columns["strain"] == pytest.approx([0.0, 0.001, 0.002])
-    assert set(recording.columns) == {"strain", "force"}
-
-
-def test_thousands_are_read_where_a_number_decides(tmp_path):
-    text = "displacement (mm);force (N)\n0,5;1.234,5\n1,5;12.345,0\n"
-    (recording,) = read(tmp_path, text)
-    assert recording.columns["force"].tolist() == [1234.5, 12345.0]
-    quoted = 'displacement (mm),force (N)\n0.5,"1,234.5"\n1.5,"12,345"\n'
-    assert read(tmp_path, quoted)[0].columns["force"].tolist() == [1234.5, 12345.0]
 
 
 def test_a_break_does_not_turn_the_sign_of_the_displacement(tmp_path):
@@ -132,13 +123,6 @@ def test_a_break_does_not_turn_the_sign_of_the_displacement(tmp_path):
         np.testing.assert_array_equal(one.columns["displacement"], moved)
         turned = "sign of displacement turned" in one.statements[0]
         assert turned == (sign < 0)
-
-
-def test_weights_are_forces(tmp_path):
-    text = "displacement (mm);load (kp);load (gf)\n1;2;2\n"
-    for column, force in ((2, 19.6133), (3, 0.0196133)):
-        (one,) = read(tmp_path, text, columns={"force": column})
-        assert one.columns["force"] == pytest.approx(force)
 
 
 @pytest.mark.parametrize("last", ["40.5-3", "40;3", "40,2.1.3"])
@@ -191,70 +175,56 @@ def test_tables_whose_displacement_goes_on_are_segments_of_one_test(tmp_path):
     )
 
 
-def test_tables_that_begin_anew_are_several_tests(tmp_path):
-    x = np.append(MOVED, MOVED[::-1])
-    loops = "\n".join([table(x, 0.1 * x**2), table(x, 0.2 * x**2)])
-    assert len(read(tmp_path, loops)) == 2
-    named = [
-        table(x[i : i + 20], x[i : i + 20], f"Probe {i // 40}") for i in (0, 20, 40)
-    ]
-    assert len(read(tmp_path, "\n".join(named))) == 2
-
-
-@pytest.mark.parametrize("between", ["", "Specimen 2"])
-def test_specimens_below_one_heading_are_several_tests(tmp_path, between):
-    first, second = (table(MOVED, k * MOVED**2).splitlines() for k in (0.1, 0.2))
-    one, two = read(tmp_path, "\n".join([*first, between, *second[1:], ""]))
-    for test, k in ((one, 0.1), (two, 0.2)):
-        np.testing.assert_allclose(test.columns["force"], k * MOVED**2, atol=1e-4)
-        assert not any("left out" in text for text in test.statements)
-
-
-def test_a_title_separates_specimens_that_return_to_their_beginning(tmp_path):
-    x = np.append(MOVED, MOVED[::-1])
-    first, second = (table(x, k * x**2).splitlines() for k in (0.1, 0.2))
-    text = "\n".join(["Specimen 1", *first, "Specimen 2", *second[1:], ""])
-    assert len(read(tmp_path, text)) == 2
-
-
-@pytest.mark.parametrize("between", ["", "pause of 5 s"])
-def test_a_table_with_blank_lines_or_comments_is_one_test(tmp_path, between):
-    x = np.tile(np.append(MOVED, MOVED[::-1]), 2)
-    heading, *rows = table(x, x**2).splitlines()
-    lines = [heading, *rows[:10], between, *rows[10:80], between, *rows[80:]]
-    (one,) = read(tmp_path, "\n".join(lines))
-    assert one.columns["force"].size == x.size
-
-
-def test_a_biaxial_test_in_pages_is_one_test(tmp_path):
-    """Also if the transverse strain decreases."""
+def pages(*parts):
+    """Pages of a biaxial test, whose transverse strain decreases."""
     heading = "warp strain (-);weft strain (-);warp force (N);weft force (N)"
-    x = np.linspace(0.0, 0.05, 60)
-    rows = [f"{a:.6f};{-0.2 * a:.6f};{3e3 * a:.3f};{0.0:.3f}" for a in x]
-    pages = ["\n".join([heading, *rows[i : i + 20]]) for i in (0, 20, 40)]
-    (one,) = read(tmp_path, "\n\n".join(pages))
-    assert one.columns["warp strain"].size == 60
-    anew = "\n\n".join("\n".join([heading, *rows]) for _ in range(2))
-    assert len(read(tmp_path, anew)) == 2
+    rows = [f"{x:.6f};{-0.2 * x:.6f};{3e3 * x:.3f};0" for x in np.linspace(0, 0.05, 60)]
+    return "\n\n".join("\n".join([heading, *rows[part]]) for part in parts)
 
 
-def test_a_clock_decides_whether_a_returned_test_goes_on(tmp_path):
-    x = np.append(MOVED, MOVED[::-1])
-    for pause, tests in ((0.5, 1), (-40.0, 2), (600.0, 2)):
-        time = 0.5 * np.arange(x.size)
-        lines = []
-        for start in (0.0, time[-1] + pause):
-            rows = zip(x, x**2, time + start, strict=True)
-            lines += ["Displacement (mm);Force (N);Time (s)"]
-            lines += [f"{a:.4f};{b:.4f};{c:.2f}" for a, b, c in rows]
-        assert len(read(tmp_path, "\n".join(lines))) == tests
+def with_clock(pause):
+    """Two loops, the second of which begins after a pause in seconds."""
+    lines = []
+    for start in (0.0, 0.5 * LOOP.size + pause):
+        lines += ["Displacement (mm);Force (N);Time (s)"]
+        lines += [f"{x:.4f};{x**2:.4f};{start + i / 2}" for i, x in enumerate(LOOP)]
+    return "\n".join(lines)
 
 
-def test_readings_below_repeated_headings_are_of_one_strip(tmp_path):
-    page = "overhang (mm);chord angle (deg)\n{}.5;41.5\n{}.75;41.5\n"
-    text = page.format(100, 101) + page.format(99, 102)
-    (one,) = read(tmp_path, text)
-    assert one.columns["overhang"].size == 4
+LOOP = np.append(MOVED, MOVED[::-1])
+CYCLES = table(np.tile(LOOP, 2), np.tile(LOOP, 2) ** 2).splitlines()
+FIRST, SECOND = (table(MOVED, k * MOVED**2) for k in (0.1, 0.2))
+ONE_LOOP, OTHER_LOOP = (table(LOOP, k * LOOP**2) for k in (0.1, 0.2))
+BELOW, LOOP_BELOW = (x.removeprefix(f"{HEADING}\n") for x in (SECOND, OTHER_LOOP))
+PAUSED = CYCLES[:11], CYCLES[11:81], CYCLES[81:]
+PARTS = [(LOOP[i : i + 20], f"Probe {i // 40}") for i in (0, 20, 40)]
+READINGS = "overhang (mm);chord angle (deg)\n{}.5;41.5\n{}.75;41.5\n"
+
+#: Rows (text, rows of each test).
+FILES = [
+    (ONE_LOOP + OTHER_LOOP, [80, 80]),
+    ("".join(table(x, x, title) for x, title in PARTS), [40, 20]),
+    (f"{FIRST}\n{BELOW}", [40, 40]),
+    (f"{FIRST}Specimen 2\n{BELOW}", [40, 40]),
+    (f"Specimen 1\n{ONE_LOOP}Specimen 2\n{LOOP_BELOW}", [80, 80]),
+    ("\n\n".join("\n".join(part) for part in PAUSED), [160]),
+    ("\npause of 5 s\n".join("\n".join(part) for part in PAUSED), [160]),
+    (pages(slice(20), slice(20, 40), slice(40, 60)), [60]),
+    (pages(slice(60), slice(60)), [60, 60]),
+    (with_clock(0.5), [160]),
+    (with_clock(-40.0), [80, 80]),
+    (with_clock(600.0), [80, 80]),
+    (READINGS.format(100, 101) + READINGS.format(99, 102), [4]),
+]
+
+
+@pytest.mark.parametrize(("text", "rows"), FILES)
+def test_a_file_is_divided_into_its_tests(tmp_path, text, rows):
+    """By motions that begin anew, titles, or a clock."""
+    found = read(tmp_path, text)
+    assert [one.rows.size for one in found] == rows
+    said = " ".join(text for one in found for text in one.statements)
+    assert ("left out" in said) == ("pause of" in text)
 
 
 NOISE = np.random.default_rng(3).standard_normal(200)

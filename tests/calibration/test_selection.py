@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 
 from skfem_textile import CrimpToe, Linear, Polynomial
-from skfem_textile.calibration import (
-    Choice,
-    Zeros,
-    fitting,
-    selection,
-)
+from skfem_textile.calibration import Choice, Zeros, fitting, selection
 from skfem_textile.calibration.report import reports_of
 from skfem_textile.calibration.selection import (
     Candidate,
@@ -22,8 +17,6 @@ from skfem_textile.calibration.selection import (
 )
 from tests.helpers import fits
 from tests.helpers.fits import FRAME, fit_shear, fit_tension, of_shear
-
-MOVED = np.linspace(0.0, 6.0, 30)
 
 
 def specimen(law, seed=0, noise=0.01, scale=1.0):
@@ -92,9 +85,8 @@ def test_of_laws_that_suit_the_one_with_the_fewest_zeros_is_chosen():
 
 
 def test_the_tension_law_is_chosen_by_cross_validation():
-    toe = fit_tension(
-        [fits.strip(CrimpToe(2e3, 0.006, 200.0), MOVED, 0.005)], "auto", points=3
-    )
+    pull = fits.strip(CrimpToe(2e3, 0.006, 200.0), np.linspace(0.0, 6.0, 30), 0.005)
+    toe = fit_tension([pull], "auto", points=3)
     assert toe.parts["warp"].model.name == "crimp-toe"
 
 
@@ -120,17 +112,13 @@ def test_the_next_law_is_fitted_if_the_best_is_not_physical(monkeypatch):
     """The range of the final fit is its own, where a law may not be physical."""
     data, first = [specimen(Linear(0.2))], chosen(Linear(0.2))
     name = first.parts["shear"].model.name
-    refused = []
 
-    def against(fit, largest, unit):
-        if fit.model.name == name:
-            refused.append(fit)
+    def against(fit, largest):
         return "it is refused" if fit.model.name == name else ""
 
     monkeypatch.setattr(fitting, "compared", lambda *of: first.candidates)
     monkeypatch.setattr(fitting, "reason_against", against)
     second = fit_shear(data, "auto")
-    assert refused
     assert second.parts["shear"].model.name != name
     reasons = {one.reason for one in second.candidates["shear"]}
     assert "it is refused" in reasons
@@ -141,16 +129,7 @@ def test_the_next_law_is_fitted_if_the_best_is_not_physical(monkeypatch):
 
 def test_both_families_have_a_law_that_suits_both():
     """The best law of one family may not be physical for the other."""
-    of_each = {
-        "warp": [("linear", 0.3, ""), ("crimp-toe", 0.2, ""), ("tabulated", 0.01, "")],
-        "weft": [
-            ("linear", 0.3, ""),
-            ("crimp-toe", 0.1, ""),
-            ("tabulated", 0, "falls"),
-        ],
-    }
-    candidates = {
-        part: [Candidate(name, 1, error, 0.0, why) for name, error, why in each]
-        for part, each in of_each.items()
-    }
+    linear, toe = Candidate("linear", 1, 0.3, 0.0), Candidate("crimp-toe", 1, 0.2, 0.0)
+    table, falls = (Candidate("tabulated", 1, 0.01, 0.0, x) for x in ("", "falls"))
+    candidates = {"warp": [linear, toe, table], "weft": [linear, toe, falls]}
     assert with_best(Choice(tension="auto"), candidates).tension == "crimp-toe"

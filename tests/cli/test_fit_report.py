@@ -20,12 +20,11 @@ from tests.helpers.curves import (
     BIAXIAL,
     QUINTIC,
     joint_file,
-    noisy,
     shear_file,
     shear_files,
     write_columns,
 )
-from tests.helpers.fits import FRAME
+from tests.helpers.fits import FRAME, noisy
 from tests.helpers.pages import Page, references
 
 TOE = CrimpToe(4e3, 0.004, 20.0)
@@ -35,7 +34,7 @@ def biaxial_file(path, law, ratio):
     e = np.linspace(0.0, 0.02, 7)[1:]
     strain = np.array([e, ratio * e])
     force = 100 * np.asarray(law.value(np.log1p(strain))) / (1 + strain)
-    force = [noisy(one, 0, 0.005) for one in force]
+    force = [noisy(one, 0.005, 0) for one in force]
     both = (x for pair in zip(strain, force, strict=True) for x in pair)
     return write_columns(path, BIAXIAL, *both)
 

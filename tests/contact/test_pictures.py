@@ -202,6 +202,9 @@ def test_sections_show_the_process_in_steps(hemisphere):
     assert len(figure.axes) == 4
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == ["ply", "punch", "die", "holder"]
+    span = np.ptp([figure.axes[0].get_xlim(), figure.axes[0].get_ylim()], axis=1)
+    width, height = figure.get_size_inches()  # of two panels, and 1.2 of their labels
+    assert height - 1.2 == pytest.approx(width * span[1] / span[0])
 
 
 def test_forces_are_drawn_over_the_travel(hemisphere, tmp_path):

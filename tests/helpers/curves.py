@@ -2,11 +2,8 @@
 
 import numpy as np
 
-from skfem_textile import Polynomial
-from skfem_textile.calibration import BiasExtension
+from tests.helpers.fits import BIAS, QUINTIC, noisy
 
-QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
-BIAS = BiasExtension(100.0, 200.0)
 BIAXIAL = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
 
 #: Strips along warp and weft, a bias extension and an overhanging strip.
@@ -26,16 +23,10 @@ def write_columns(path, header, *columns):
     return path
 
 
-def noisy(values, seed, share):
-    """Values with normal noise, of a share of the largest one."""
-    noise = np.random.default_rng(seed).standard_normal(np.size(values))
-    return values + share * np.abs(values).max() * noise
-
-
 def shear_file(path, test=BIAS, law=QUINTIC, seed=0, share=0.005, n=40):
     """The curve of a test to 40 degrees."""
     gamma = np.radians(np.linspace(1.0, 40.0, n))
-    force = noisy(test.force(law, gamma), seed, share)
+    force = noisy(test.force(law, gamma), share, seed)
     header = "displacement (mm),force (N)"
     return write_columns(path, header, test.displacement(gamma), force)
 
@@ -51,7 +42,7 @@ def joint_file(folder, law, names=tuple(TESTS), share=0.0):
     moved = np.linspace(0.0, 4.0, 40)
     force = 50 * law.value(np.log1p(moved / 200)) / (1 + moved / 200)
     for seed, family in enumerate(("warp", "weft")):
-        force_of = noisy(force, seed, share)
+        force_of = noisy(force, share, seed)
         header = "displacement (mm),force (N)"
         write_columns(folder / f"{family}.csv", header, moved, force_of)
     shear_file(folder / "0.csv")

@@ -2,17 +2,21 @@
 
 import numpy as np
 
+from skfem_textile import Polynomial
 from skfem_textile.calibration import (
     BiasExtension,
     Choice,
     PictureFrame,
     Specimen,
     Strip,
+    Zeros,
     fit_tests,
 )
 from skfem_textile.calibration.report import shear_report
 
 BIAS, FRAME = BiasExtension(100.0, 200.0), PictureFrame(200.0, 160.0)
+QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
+UNKNOWN = Zeros(None, None)
 
 
 def noisy(force, noise, seed):
@@ -25,6 +29,12 @@ def specimen(test, law, gamma, noise=0.0, seed=0, scale=1.0, **more):
     """A shear test at angles in radians; ``scale`` multiplies its forces."""
     force = noisy(scale * test.force(law, gamma), noise, seed)
     return Specimen("one", test, force, test.displacement(gamma), **more)
+
+
+def pulled(test, law, moved, slack=0.0, noise=0.0, seed=0, zeros=UNKNOWN):
+    """A shear test at displacements in mm, with a slack in mm."""
+    force = test.force(law, test.shear_angle(np.maximum(moved - slack, 0.0)))
+    return Specimen("one", test, noisy(force, noise, seed), moved, zeros=zeros)
 
 
 def strip(law, moved, noise=0.0, seed=0, slack=0.0, unknown=False):

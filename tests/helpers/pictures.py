@@ -1,4 +1,12 @@
-"""Panels of a window, for tests of colours."""
+"""Panels of a window, for tests of colours; directions of lines."""
+
+import numpy as np
+
+
+def degrees_off(lines, angle):
+    """Differences of the directions of lines, (2, n), from an angle in degrees."""
+    directions = np.degrees(np.arctan2(lines[1], lines[0]))
+    return np.abs((directions - angle + 90) % 180 - 90)
 
 
 def coloured(plotter):

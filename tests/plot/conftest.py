@@ -3,14 +3,16 @@
 Nothing here imports packages for drawing: without them the tests are skipped.
 """
 
+from functools import cache
+
 import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import Case, hemisphere, strip
 
 
-@pytest.fixture(scope="session")
-def results():
+@cache
+def of_strip():
     """Two results to be drawn, not to be changed."""
     scene = strip(size=(3, 4))
     return [
@@ -20,8 +22,18 @@ def results():
 
 
 @pytest.fixture(scope="session")
+def results():
+    return of_strip()
+
+
+@pytest.fixture(scope="session")
 def result(results):
     return results[0]
+
+
+def own(result):
+    """Basis, displacement and fabric of a result."""
+    return result.ply.basis, result.u, result.ply.fabric
 
 
 @pytest.fixture(scope="session")

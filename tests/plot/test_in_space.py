@@ -63,19 +63,6 @@ def test_every_element_of_a_view_has_its_value(draped):
     plotter.close()
 
 
-def test_a_view_of_a_displacement_on_a_basis_is_that_of_its_result(result):
-    ply = result.ply
-    views = (result,), (ply.basis, result.u, ply.fabric)
-    plotters = [in_space._plotter(drawn, field="warp_strain") for drawn in views]
-    of_result, of_basis = (
-        next(iter(plotter.actors.values())).mapper.dataset for plotter in plotters
-    )
-    np.testing.assert_array_equal(of_basis.points, of_result.points)
-    np.testing.assert_array_equal(of_basis["values"], of_result["values"])
-    for plotter in plotters:
-        plotter.close()
-
-
 @pytest.mark.slow
 def test_the_scripts_of_the_pages_write_their_files(tmp_path, draped, monkeypatch):
     """With few elements and steps."""

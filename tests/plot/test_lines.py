@@ -6,8 +6,8 @@ from skfem import MeshQuad, MeshTri
 
 from skfem_textile import split
 from skfem_textile.scenes import bias_extension
+from tests.helpers.pictures import degrees_off
 
-lines = pytest.importorskip("skfem_textile.plot.sheet")
 sheet = pytest.importorskip("skfem_textile.plot.sheet")
 
 
@@ -25,22 +25,17 @@ def at_rest(mesh):
 
 def test_edges_are_drawn_where_there_is_room(result, fine):
     """The outline is always drawn."""
-    coarse = sheet.Panel("", at_rest(result.ply.mesh))
-    split_mesh, shape, fine_scale = fine
-    small = sheet.Panel("", shape)
-
-    def drawn(panel, scale, show_edges):
-        return [len(x.ends) for x in lines.lines_of(panel, scale, show_edges)]
-
-    for panel, scale, mesh in (
-        (coarse, 0.5, result.ply.mesh),
-        (small, fine_scale, split_mesh),
-    ):
+    coarse = result.ply.mesh
+    for mesh, shape, scale in ((coarse, at_rest(coarse), 0.5), fine):
         every, outer = mesh.facets.shape[1], len(mesh.boundary_facets())
-        by_itself = [every, outer] if panel is coarse else [outer]
-        assert drawn(panel, scale, None) == by_itself
-        assert drawn(panel, scale, True) == [every, outer]
-        assert drawn(panel, scale, False) == [outer]
+        panel = sheet.Panel("", shape)
+        by_itself, with_edges, without = (
+            [len(x.ends) for x in sheet.lines_of(panel, scale, show_edges)]
+            for show_edges in (None, True, False)
+        )
+        assert by_itself == ([every, outer] if mesh is coarse else [outer])
+        assert with_edges == [every, outer]
+        assert without == [outer]
 
 
 SQUARE = MeshTri().refined(4).scaled(60.0)
@@ -49,7 +44,7 @@ CENTRES = SQUARE.p[:, SQUARE.t].mean(axis=1)
 
 def fibre_lines(mesh, warp, weft, spacing=2.0, u=None):
     """Ends of the lines of both families, each (2, 2, n): x and y, ends, lines."""
-    fibres = lines.Fibres.of(mesh.p, (mesh.t,), warp, weft)
+    fibres = sheet.Fibres.of(mesh.p, (mesh.t,), warp, weft)
     shape = sheet.Shape.of(mesh, np.zeros((2, mesh.nvertices)) if u is None else u)
     both = (fibres.lines(shape.points, i, spacing) for i in (0, 1))
     return [ends[..., :2].T for ends in both]
@@ -81,38 +76,33 @@ def test_fibres_move_with_the_ply():
     u[1] = (np.cos(np.radians(30)) - 1) * SQUARE.p[1]
     warp, weft = fibre_lines(SQUARE, uniform(SQUARE, 0), uniform(SQUARE, 90), u=u)
     for ends, angle in ((warp, 0.0), (weft, 60.0)):
-        x, y = ends[:, 1] - ends[:, 0]
-        along = np.degrees(np.arctan2(y, x)) % 180
-        assert np.abs((along - angle + 90) % 180 - 90).max() < 1e-3
+        assert degrees_off(ends[:, 1] - ends[:, 0], angle).max() < 1e-3
 
 
 def test_curved_fibres_are_followed():
     """Circles about a point outside the ply, and radii, whose distances grow."""
     radius = CENTRES + 30.0
-    for ends in fibre_lines(SQUARE, np.array([-radius[1], radius[0]]), radius)[:1]:
-        r = np.hypot(*(ends + 30.0))
-        assert np.abs(np.diff(r, axis=0)).max() < 0.05
-    _, ends = fibre_lines(SQUARE, np.array([-radius[1], radius[0]]), radius)
-    angle = np.arctan2(*(ends + 30.0)[::-1])
-    turn = np.abs(np.diff(angle, axis=0)) * np.hypot(*(ends + 30.0).mean(axis=1))
+    around = np.array([-radius[1], radius[0]])
+    circles, radii = (ends + 30.0 for ends in fibre_lines(SQUARE, around, radius))
+    assert np.abs(np.diff(np.hypot(*circles), axis=0)).max() < 0.05
+    angle = np.arctan2(*radii[::-1])
+    turn = np.abs(np.diff(angle, axis=0)) * np.hypot(*radii.mean(axis=1))
     assert turn.max() < 0.1  # mm to the side in a triangle of 3.75 mm
-    assert ends.shape[-1] > 500
+    assert radii.shape[-1] > 500
 
 
 def test_fibres_end_where_another_fabric_begins():
     left = CENTRES[0] < 30
     warp = np.where(left, uniform(SQUARE, 0), uniform(SQUARE, 60))
     ends, _ = fibre_lines(SQUARE, warp, warp[::-1] * [[-1], [1]])
-    middle = ends.mean(axis=1)
-    x, y = ends[:, 1] - ends[:, 0]
-    along = np.degrees(np.arctan2(y, x)) % 180
+    along, middle = ends[:, 1] - ends[:, 0], ends.mean(axis=1)
     for side, angle in ((middle[0] < 30, 0.0), (middle[0] > 30, 60.0)):
-        assert np.abs((along[side] - angle + 90) % 180 - 90).max() < 1e-2
+        assert degrees_off(along[:, side], angle).max() < 1e-2
 
 
 def test_small_failing_elements_have_rings(fine):
     _, shape, scale = fine
     panel = sheet.Panel("", shape, marked=np.array([100]))
-    _, marks = lines.lines_of(panel, scale, None)
+    _, marks = sheet.lines_of(panel, scale, None)
     reach = np.ptp(marks.ends.reshape(-1, 3), axis=0)[:2] * scale
     assert (reach > 3).all()

@@ -12,11 +12,8 @@ plot = pytest.importorskip("skfem_textile.plot")
 drawing = pytest.importorskip("skfem_textile.plot.drawing")
 pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
-in_front_of_tool = pytest.importorskip("skfem_textile.plot.sheet").in_front_of_tool
-shapes_of = pytest.importorskip("skfem_textile.plot.fields").shapes_of
-Tool = pytest.importorskip("skfem_textile.plot.sheet").Tool
-eye_axes = pytest.importorskip("skfem_textile.plot.sheet").eye_axes
-tool_under = pytest.importorskip("skfem_textile.plot.fields").tool_under
+fields = pytest.importorskip("skfem_textile.plot.fields")
+sheet = pytest.importorskip("skfem_textile.plot.sheet")
 
 
 def result_of(scene, bending=(0.0, 0.0), **more):
@@ -43,7 +40,7 @@ def test_a_tool_is_drawn_under_the_ply(draped, tmp_path, monkeypatch, suffix):
     if suffix == "pdf":
         figure.savefig(tmp_path / "ply.png", dpi=50)
     coloured, grey = coloured_and_grey(tmp_path / "ply.png")
-    (shape,) = shapes_of([draped], [draped.states[-1]])
+    (shape,) = fields.shapes_of([draped], [draped.states[-1]])
     points = np.vstack([shape.points, shape.tool.points])[:, :2]
     ply = (shape.sides**2).sum() / np.prod(np.ptp(points, axis=0))
     with Image.open(tmp_path / "ply.png") as image:
@@ -56,7 +53,7 @@ def test_a_tool_is_drawn_under_the_ply(draped, tmp_path, monkeypatch, suffix):
 
 def test_a_tool_is_near_the_ply_at_every_load_factor(draped):
     for state, radius in zip(draped.states, (np.inf, 100.0), strict=True):
-        (shape,) = shapes_of([draped], [state])
+        (shape,) = fields.shapes_of([draped], [state])
         assert shape.tool.triangles.shape[1] > 100
         assert (shape.tool.shades <= 1).all()
         span, of_ply = np.ptp(shape.tool.points, 0), np.ptp(shape.points, 0)
@@ -83,48 +80,41 @@ def test_lines_behind_a_tool_are_omitted_from_vectors():
     x, y = np.meshgrid(np.linspace(0, 10, 21), np.linspace(0, 10, 21))
     points = np.column_stack([x.ravel(), y.ravel(), x.ravel()])
     k = np.add.outer(21 * np.arange(20), np.arange(20)).ravel()
-    tool = Tool(points, np.array([k, k + 1, k + 22]), np.ones(len(k)))
+    tool = sheet.Tool(points, np.array([k, k + 1, k + 22]), np.ones(len(k)))
     line = np.array([[4.0, 5, 0], [6, 5, 0]])
     lines = np.array([line + np.array([0, 0, z]) for z in (6.0, 0.0, 5.0)])
-    np.testing.assert_array_equal(in_front_of_tool(lines, tool), lines[[0, 2]])
-    assert len(in_front_of_tool(lines, None)) == 3
+    np.testing.assert_array_equal(sheet.in_front_of_tool(lines, tool), lines[[0, 2]])
+    assert len(sheet.in_front_of_tool(lines, None)) == 3
 
 
-def plate(height):
-    """A tool z = h(x, y) of triangles over 160 mm × 160 mm."""
-    return drape.TriangleMesh(*graph(np.linspace(-80, 80, 17), height))
-
-
-def bump(high):
-    return plate(lambda x, y: high * np.exp(-(x * x + y * y) / 1800))
+def bump(x, y):
+    return 9 * np.exp(-(x * x + y * y) / 1800)
 
 
 @pytest.mark.parametrize("side", [60.0, 200.0])
 def test_a_tool_of_triangles_is_drawn_to_its_edges(side):
     """A small ply has the tool nearby, a large one all of it and nothing beyond."""
-    scene = on_tool(bump(9.0), size=(2, 2), width=side, height=side, tension=0.0)
+    tool = drape.TriangleMesh(*graph(np.linspace(-80, 80, 17), bump))
+    scene = on_tool(tool, size=(2, 2), width=side, height=side, tension=0.0)
     result = result_of(scene, bending=(5.0, 5.0))
     surface = result.tool(1.0)
     points = np.pad(result.ply.mesh.p, ((0, 1), (0, 0))).T
-    tool = tool_under(points, surface)
+    tool = fields.tool_under(points, surface)
     corners = tool.points[tool.triangles]
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     reach = min(80.0, 0.5 * side + 0.17 * np.sqrt(2) * side)
     np.testing.assert_allclose(high[:2] - low[:2], 2 * reach, rtol=0.01)
     assert np.ptp(tool.shades) > 0.02
     for state in result.states:  # while it grows
-        (shape,) = shapes_of([result], [state])
+        (shape,) = fields.shapes_of([result], [state])
         assert shape.tool.triangles.shape[1] > 100
 
 
 def test_a_shallow_tool_has_a_lower_camera():
     """Heights fill more of the picture; the elevation is constant from 20 mm on."""
-
-    def elevation(size):
-        return np.degrees(np.arcsin(eye_axes(True, np.array(size))[2, 2]))
-
-    elevations = [elevation((100.0, 80.0, z)) for z in (0, 5, 10, 20, 60)]
-    assert elevations == pytest.approx([18, 23, 28, 38, 38])
+    sizes = (np.array([100.0, 80.0, z]) for z in (0, 5, 10, 20, 60))
+    heights = [sheet.eye_axes(True, size)[2, 2] for size in sizes]
+    assert np.degrees(np.arcsin(heights)) == pytest.approx([18, 23, 28, 38, 38])
 
 
 def test_a_state_alone_is_drawn_like_a_state_of_a_run(draped, sheets):

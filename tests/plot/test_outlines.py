@@ -1,6 +1,5 @@
 """Pictures of singular fibres."""
 
-import numpy as np
 import pytest
 
 from skfem_textile import Condition, Fabric, Outline, singular_fibres
@@ -25,29 +24,20 @@ def test_every_line_is_drawn_with_the_style_of_its_kind(tmp_path):
     outline, lines = case()
     figure = plot.singular_fibres(outline, lines, tmp_path / "a.png")
     (axes,) = figure.axes
-    drawn = [line for line in axes.lines if len(line.get_xdata()) > 1]
-    style = {}
-    for kind, of_kind in {
-        "warp": [f.points for f in lines.fibres if f.family == 0],
-        "weft": [f.points for f in lines.fibres if f.family == 1],
-        "weak": [f.points for f in lines.weak],
-        "border": lines.borders,
-        "held": lines.held,
-    }.items():
-        assert of_kind
-        looks = set()
-        for points in of_kind:
-            matching = [
-                line
-                for line in drawn
-                if np.shape(line.get_data()) == points.shape
-                and np.allclose(line.get_data(), points)
-            ]
-            assert matching
-            looks |= {(line.get_linestyle(), line.get_linewidth()) for line in matching}
-        (style[kind],) = looks
-    assert len(drawn) == len(lines.fibres + lines.weak + lines.borders + lines.held)
-    assert len(set(style.values())) == 5  # also in grey
+    drawn = {
+        line.get_xydata().tobytes(): (line.get_linestyle(), line.get_linewidth())
+        for line in axes.lines
+        if len(line.get_xdata()) > 1
+    }
+    families = [
+        [fibre.points for fibre in lines.fibres if fibre.family == i] for i in (0, 1)
+    ]
+    weak = [fibre.points for fibre in lines.weak]
+    kinds = *families, weak, lines.borders, lines.held
+    looks = [{drawn[points.T.tobytes()] for points in kind} for kind in kinds]
+    assert [len(looks_of_kind) for looks_of_kind in looks] == [1] * 5
+    assert len(set.union(*looks)) == 5  # also in grey
+    assert len(drawn) == sum(map(len, kinds))
     assert len(axes.lines) == len(drawn) + 1  # the stitch
     assert (tmp_path / "a.png").stat().st_size > 1000
     labels = [text.get_text() for text in figure.legends[0].get_texts()]

@@ -15,6 +15,7 @@ from skfem import (
 )
 
 from skfem_textile import Fabric, MacroBasis, OnePoint, Ply, fibre_fields
+from tests.plot.conftest import own
 
 pv = pytest.importorskip("pyvista")
 plot = pytest.importorskip("skfem_textile.plot")
@@ -26,11 +27,6 @@ CELLS = {
     *("warp_strain", "weft_strain", "warp_tension", "weft_tension"),
     *("shear_angle", "warp_direction", "weft_direction"),
 }
-
-
-def own(result):
-    """Basis, displacement and fabric of a result."""
-    return result.ply.basis, result.u, result.ply.fabric
 
 
 def test_twelve_lines_draw_the_fibre_strain_of_an_own_newton_loop(
@@ -128,13 +124,3 @@ def test_macro_elements_are_drawn_with_the_mean_strain():
     u = 1e-3 * np.random.default_rng(1).standard_normal(ply.basis.N)
     grid = plot.to_pyvista(MacroBasis(ply.mesh), u, ply.fabric)
     np.testing.assert_allclose(grid["weft_strain"], ply.law_strain(u)[1, :, 0])
-
-
-def test_a_returned_plotter_draws_more(result, tmp_path):
-    plotter = plot.shear_angle(*own(result), size=60)
-    plotter.subplot(0, 0)
-    before = plotter.screenshot(return_img=True)
-    plotter.add_mesh(plot.to_pyvista(*own(result)), color="black", lighting=False)
-    plotter.screenshot(tmp_path / "more.png")
-    after = pv.read(tmp_path / "more.png")["PNGImage"].astype(float)
-    assert after.mean() < before.mean() - 5

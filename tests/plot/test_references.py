@@ -3,15 +3,14 @@
 As a script it redraws the stored pictures.
 """
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, StepError
-from skfem_textile.scenes import strip
+from skfem_textile import StepError
 from tests.helpers.pictures import coloured
+from tests.plot.conftest import of_strip
 
 pv = pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
@@ -31,25 +30,17 @@ WIDTH = 160
 SAME = 1.8
 
 
-@cache
-def results():
-    scene = strip(size=(3, 4))
-    return [
-        LoadStepper(Ply(scene.mesh, Fabric(1e4), f), scene.conditions, steps=4).run()
-        for f in (Full(), OnePoint(10.0))
-    ]
-
-
 def failed_run():
-    return StepError("stopped at load factor 1: folded", results()[0], np.array([3, 7]))
+    text = "stopped at load factor 1: folded"
+    return StepError(text, of_strip()[0], np.array([3, 7]))
 
 
 DRAWN = {
-    "fibre_strain": lambda **how: plot.fibre_strain(results()[0], **how),
-    "shear_angle": lambda **how: plot.shear_angle(*results(), **how),
-    "verdict": lambda **how: plot.verdict(failed_run(), results()[1], **how),
-    "contact_sheet": lambda **how: plot.contact_sheet(*results(), **how),
-    "fibre_directions": lambda **how: plot.fibre_directions(*results(), **how),
+    "fibre_strain": lambda **how: plot.fibre_strain(of_strip()[0], **how),
+    "shear_angle": lambda **how: plot.shear_angle(*of_strip(), **how),
+    "verdict": lambda **how: plot.verdict(failed_run(), of_strip()[1], **how),
+    "contact_sheet": lambda **how: plot.contact_sheet(*of_strip(), **how),
+    "fibre_directions": lambda **how: plot.fibre_directions(*of_strip(), **how),
 }
 
 

@@ -25,6 +25,8 @@ def test_every_start_that_covers_the_part_is_on_the_map(tmp_path):
     axes, bar = figure.axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("y (mm)", "z (mm)")
     assert bar.get_ylabel() == "Shear angle (°)"
+    width, height = figure.get_size_inches()  # of a plate of 120 mm × 80 mm, and labels
+    assert height - 0.9 == pytest.approx(0.75 * width * 80 / 120)
     (dots,) = (c for c in axes.collections if c.get_array() is not None)
     laid = np.isfinite(measures)
     assert np.asarray(dots.get_offsets()) == pytest.approx(points[1:, laid].T)

@@ -154,18 +154,15 @@ def separator_of(text: str) -> str:
         return _most_alike(alone), _most_alike(rows)
 
     best = max(SEPARATORS, key=rows_of_numbers)
-    return best if rows_of_numbers(best)[1] else _single_column(text)
+    if rows_of_numbers(best)[1]:
+        return best
+    used = (one for one in SEPARATORS if one != " " and one in text)
+    return next(used, ",")  # of a single column
 
 
 def _most_alike(rows: Iterable[Sequence[str]]) -> int:
     """Number of rows with the most frequent number of cells."""
     return max(Counter(map(len, rows)).values(), default=0)
-
-
-def _single_column(text: str) -> str:
-    """A separator that does not occur in rows of one number."""
-    used = (one for one in SEPARATORS if one != " " and one in text)
-    return next(used, ",")
 
 
 def blocks_of(text: str, separator: str) -> list[Block]:
@@ -192,7 +189,8 @@ def blocks_of(text: str, separator: str) -> list[Block]:
             fits = len(cells) <= block.width or not any(cells[block.width :])
             block.faulty.extend([*above, *([] if fits else [line])])
             if fits:
-                block.rows.append((number, _padded(cells, block.width)))
+                filled = [*cells, *[""] * (block.width - len(cells))]
+                block.rows.append((number, filled[: block.width]))
         else:
             after = [x for x in above if headings and x[0] > headings[-1][0]]
             titles = [x for x in above if not headings or x[0] < headings[0][0]]
@@ -221,10 +219,6 @@ def _is_data(cells: Sequence[str], least: int) -> bool:
 def _only_numbers(cells: Sequence[str]) -> bool:
     """True for numbers and empty cells."""
     return all(not cell or is_number(cell) for cell in cells)
-
-
-def _padded(cells: list[str], width: int) -> list[str]:
-    return [*cells, *[""] * (width - len(cells))][:width]
 
 
 def _headings(

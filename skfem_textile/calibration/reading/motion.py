@@ -1,28 +1,26 @@
 """Motion and force of the tables of a file: segments of one test, noise, directions."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
 
+from ..outliers import FEWEST
 from .quantities import FORCES, SPECIMENS
 
-#: Driving quantities of a biaxial test.
-STRAINS = "warp strain", "weft strain"
+# Driving quantities of a biaxial test.
+_STRAINS = "warp strain", "weft strain"
 
-#: Driving quantities, one of which a shear or tensile test requires.
-DRIVING = "displacement", "shear angle", "strain"
+# Driving quantities, one of which a shear or tensile test requires.
+_DRIVING = "displacement", "shear angle", "strain"
 
 # Share of the motion below which a difference is none: of a beginning from rest.
 _NONE = 0.06
 
 # Longest pause between segments, in steps of the clock within them.
 _PAUSE = 3.0
-
-# Fewest rows: with fewer, noise may follow a curve.
-_FEWEST = 12
 
 # Degree of the smooth curve of a trend, such as loading and unloading; and number of
 # classes in which a force is compared with its scatter.
@@ -49,26 +47,26 @@ class Segment:
     """
 
     moved: ndarray
-    others: Mapping[int, ndarray] = field(default_factory=dict)
-    label: str = ""
+    others: Mapping[int, ndarray]
+    label: str
 
 
 def moved_in(columns: Mapping[str, ndarray]) -> ndarray:
     """Driving quantity in the rows with numbers; empty if there is none."""
-    names = [name for name in DRIVING if name in columns]
-    for name in names[:1] or largest(STRAINS, columns):
+    for name in driving_in(columns):
         return columns[name][np.isfinite(columns[name])]
     return np.zeros(0)
 
 
-def largest(names: Iterable[str], columns: Mapping[str, ndarray]) -> list[str]:
-    """The one of some columns with the largest range, if there is one."""
+def driving_in(columns: Mapping[str, ndarray]) -> list[str]:
+    """Driving quantities; of a biaxial test the strain with the larger range."""
     ranges = {
         name: float(np.ptp(known)) if (known := x[np.isfinite(x)]).size else 0.0
-        for name in names
+        for name in _STRAINS
         if (x := columns.get(name)) is not None
     }
-    return [max(ranges, key=lambda name: ranges[name])] if ranges else []
+    largest = [max(ranges, key=lambda name: ranges[name])] if ranges else []
+    return [name for name in _DRIVING if name in columns] or largest
 
 
 def label_of(titles: Sequence[Sequence[str]]) -> str:
@@ -159,7 +157,7 @@ def is_no_motion(moved: ndarray, forces: Sequence[ndarray]) -> bool:
         Forces in the same rows.
     """
     known = np.all(np.isfinite([moved, *forces]), axis=0)
-    if known.sum() < _FEWEST:
+    if known.sum() < FEWEST:
         return False
     x, *of_forces = (_without_spikes(each[known]) for each in (moved, *forces))
     if explained_by_order(x) >= _HALF:
@@ -174,7 +172,7 @@ def is_noise(force: ndarray, moved: ndarray) -> bool:
     independent ones (von Neumann 1941, Ann. Math. Statist. 12:367).
     """
     known = np.isfinite(force) & np.isfinite(moved)
-    if known.sum() < _FEWEST:
+    if known.sum() < FEWEST:
         return False
     f, x = (_without_spikes(each[known]) for each in (force, moved))
     independent = np.mean(np.diff(f) ** 2) > 2 * _HALF * f.var() > 0

@@ -27,9 +27,8 @@ from .layout import (
     separator_of,
 )
 from .motion import (
-    DRIVING,
-    STRAINS,
     Segment,
+    driving_in,
     explained,
     falls,
     goes_on,
@@ -37,16 +36,10 @@ from .motion import (
     is_noise,
     jumps_back,
     label_of,
-    largest,
     moved_in,
     turned_columns,
 )
-from .numbers import (
-    MARKS,
-    decimal_mark,
-    is_number,
-    number,
-)
+from .numbers import MARKS, decimal_mark, is_number, number
 from .quantities import (
     COLUMNS,
     FORCES,
@@ -241,15 +234,15 @@ def read_recordings(
     read: separator semicolon, decimal comma, displacement from column 1 (Weg, mm)
      from column 2 (Kraft, kN)
     """
-    path = Path(path)
-    if not path.is_dir():
-        return _File(path, form or Format()).recordings()
-    files = sorted(file for file in path.iterdir() if file.suffix.lower() in _ENDINGS)
+    path, form = Path(path), form or Format()
+    files = [path]
+    if path.is_dir():
+        files = sorted(x for x in path.iterdir() if x.suffix.lower() in _ENDINGS)
     if not files:
         raise ValueError(
             f"{printable(path)}: the folder contains no file *{', *'.join(_ENDINGS)}"
         )
-    return [one for file in files for one in _File(file, form or Format()).recordings()]
+    return [one for file in files for one in _File(file, form).recordings()]
 
 
 @dataclass(frozen=True)
@@ -319,12 +312,10 @@ class _File:
         tests = [test for each in below for test in _joined(each)]
         longest = max(_length(test) for test in tests)
         tests = [test for test in tests if _length(test) >= _SHORT * longest]
-        tests.sort(key=lambda test: (test[0].rows.rows[0], test[0].place))
-        names = [self.path.name]
-        if len(tests) > 1:
-            names = [f"{self.path.name}, test {i + 1}" for i in range(len(tests))]
+        tests.sort(key=lambda test: (test[0].read.rows[0], test[0].place))
         found = []
-        for name, test in zip(names, tests, strict=True):
+        for i, test in enumerate(tests, start=1):
+            name = f"{self.path.name}, test {i}" if len(tests) > 1 else self.path.name
             recording = _whole(name, test)
             self._refuse_noise(recording, test)
             found.append(_with_directions(recording, self.form))
@@ -332,24 +323,19 @@ class _File:
 
     def _refuse_noise(self, recording: Recording, test: Sequence["_Table"]) -> None:
         """An error if a driving quantity or the force of a test is noise."""
-        name = recording.name
-        driving, forces = (
-            [key for key in of if key in recording.columns]
-            for of in ((*DRIVING, *STRAINS), FORCES)
-        )
-        by_name, labels = recording.columns, {x.quantity: x for x in test[0].columns}
-        of_forces = [by_name[key] for key in forces]
-        pairs = [key for key in driving if key in DRIVING] or largest(driving, by_name)
-        for key in pairs if forces else ():
-            if is_no_motion(by_name[key], of_forces):
+        name, columns = recording.name, recording.columns
+        labels = {column.quantity: column.label for column in test[0].columns}
+        forces = [columns[key] for key in FORCES if key in columns]
+        for key in driving_in(columns) if forces else ():
+            if is_no_motion(columns[key], forces):
                 raise ValueError(
-                    f"{name}: {labels[key].label} contains noise, not {key}: its trend "
+                    f"{name}: {labels[key]} contains noise, not {key}: its trend "
                     "is not larger than its scatter, and the force does not depend on "
-                    f"it: {self._instead(key, test, of_forces)}"
+                    f"it: {self._instead(key, test, forces)}"
                 )
-            if "force" in forces and is_noise(by_name["force"], by_name[key]):
+            if "force" in columns and is_noise(columns["force"], columns[key]):
                 raise ValueError(
-                    f"{name}: {labels['force'].label} contains noise, not the force "
+                    f"{name}: {labels['force']} contains noise, not the force "
                     f"of the test: it does not depend on the {key}: specify another "
                     "column, such as --column force=2"
                 )
@@ -409,8 +395,7 @@ class _File:
             read = self._recording(block, columns)
             if len(read.rows) or len(self.blocks) == 1:
                 moved = moved_in(read.columns)
-                segment = Segment(moved, others, label)
-                found.append(_Table(read, segment, place, block, columns))
+                found.append(_Table(moved, others, label, read, place, block, columns))
         return found
 
     def _repeats(self, block: Block) -> list[list[_Column]]:
@@ -421,11 +406,9 @@ class _File:
             if column.quantity:
                 by_quantity.setdefault(column.quantity, []).append(column)
         for name, given in self.form.columns.items():
-            by_quantity = {
-                key: [x for x in found if x.position != self._position(columns, given)]
-                for key, found in by_quantity.items()
-            }
             chosen = columns[self._position(columns, given)]
+            for found in by_quantity.values():
+                found[:] = [one for one in found if one.position != chosen.position]
             by_quantity[name] = [replace(chosen, quantity=name, named=True)]
         for name, found in by_quantity.items():
             if len(named := [one for one in found if one.named]) and len(found) > 1:
@@ -586,11 +569,10 @@ class _File:
 
 
 @dataclass(frozen=True, eq=False)
-class _Table:
-    """A table as read, its motion, its place beside other tables, and its columns."""
+class _Table(Segment):
+    """A table as read, its place beside other tables, and its columns."""
 
-    rows: Recording
-    segment: Segment
+    read: Recording
     place: int
     block: Block
     columns: Sequence[_Column]
@@ -603,12 +585,12 @@ def _names(block: Block) -> frozenset[str]:
 
 
 def _length(test: Sequence[_Table]) -> int:
-    return sum(len(table.rows.rows) for table in test)
+    return sum(len(table.read.rows) for table in test)
 
 
 def _joined(tables: Sequence[_Table]) -> list[list[_Table]]:
     """Tests of tables one below the other, each of one or several segments."""
-    moved = np.concatenate([table.segment.moved for table in tables])
+    moved = np.concatenate([table.moved for table in tables])
     motion = float(np.ptp(moved)) if moved.size else 0.0
     tests: list[list[_Table]] = []
     for table in tables:
@@ -620,17 +602,16 @@ def _joined(tables: Sequence[_Table]) -> list[list[_Table]]:
 
 
 def _continues(test: Sequence[_Table], table: _Table, motion: float) -> bool:
-    before = [one.segment for one in test]
-    if test[0].rows.columns.keys() != table.rows.columns.keys():
+    if test[0].read.columns.keys() != table.read.columns.keys():
         return False
-    if not table.segment.moved.size or not before[0].moved.size:  # readings
-        return table.segment.label in ("", before[-1].label)
-    return goes_on(before, table.segment, motion)
+    if not table.moved.size or not test[0].moved.size:  # readings
+        return table.label in ("", test[-1].label)
+    return goes_on(test, table, motion)
 
 
 def _whole(name: str, test: Sequence[_Table]) -> Recording:
     """Recording of the segments of a test, with what was read of each."""
-    parts = [table.rows for table in test]
+    parts = [table.read for table in test]
     columns = {
         key: np.concatenate([part.columns[key] for part in parts])
         for key in parts[0].columns
