@@ -39,7 +39,7 @@ def test_a_case_is_measured_at_40_degrees_and_its_load_at_every_angle():
 
 
 def test_converged_loads_are_of_fibres_that_stretch():
-    """They are smaller than those of inextensible ones."""
+    """They are below the loads of inextensible fibres."""
     assert study.exact_load(STRIP) == study.exact_load(FRAME) == 0
     for laws in (BIAS, BIAS_SIN2):
         soft, stiff, stiffest = map(study.exact_load, laws)
