@@ -134,6 +134,13 @@ def _restore_log():
     log.setLevel(level)
 
 
+@pytest.fixture(autouse=True)
+def _doctests_write_elsewhere(request, monkeypatch):
+    """Examples of docstrings write files as users do: here to an empty folder."""
+    if isinstance(request.node, pytest.DoctestItem):
+        monkeypatch.chdir(request.getfixturevalue("tmp_path"))
+
+
 def pytest_addoption(parser):
     parser.addoption(
         "--dear",

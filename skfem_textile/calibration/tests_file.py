@@ -106,13 +106,11 @@ def read_tests(path: str | os.PathLike[str]) -> list[Test]:
     Examples
     --------
     >>> from pathlib import Path
-    >>> from tempfile import mkdtemp
-    >>> folder = Path(mkdtemp())
-    >>> _ = (folder / "bend.csv").write_text("overhang (mm)\n200\n201\n199.5\n")
+    >>> _ = Path("bend.csv").write_text("overhang (mm)\n200\n201\n199.5\n")
     >>> test = "kind = 'cantilever'\ndata = 'bend.csv'\nweight = 6e-6\nchord_angle = 40"
-    >>> _ = (folder / "tests.toml").write_text(f"[[test]]\n{test}\n")
+    >>> _ = Path("tests.toml").write_text(f"[[test]]\n{test}\n")
     >>> from skfem_textile.calibration import fit_tests, read_tests
-    >>> laws = fit_tests(read_tests(folder / "tests.toml")).laws
+    >>> laws = fit_tests(read_tests("tests.toml")).laws
     >>> print(f"{laws['bending warp'].stiffness:.2f} N·mm")
     6.40 N·mm
     """

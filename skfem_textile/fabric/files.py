@@ -81,9 +81,8 @@ def write_law(law: Law | BiaxialLaw, path: str | os.PathLike[str]) -> None:
 
     Examples
     --------
-    >>> file = getfixture("tmp_path") / "law.json"
-    >>> write_law(Polynomial((0.1, 0.0, 0.6)), file)
-    >>> read_law(file).coefficients
+    >>> write_law(Polynomial((0.1, 0.0, 0.6)), "law.json")
+    >>> read_law("law.json").coefficients
     (0.1, 0.0, 0.6)
     """
     Path(path).write_text(_text(law_to_json(law)), encoding="utf-8")

@@ -82,9 +82,8 @@ def read_fabric(
 
     Examples
     --------
-    >>> path = getfixture("tmp_path") / "fabric.json"
-    >>> write_fabric(path, Fabric(1e4, 0.5, warp=(1, 1), weft=(-1, 1)))
-    >>> read_fabric(path).fabric.families[0].tension
+    >>> write_fabric("fabric.json", Fabric(1e4, 0.5, warp=(1, 1), weft=(-1, 1)))
+    >>> read_fabric("fabric.json").fabric.families[0].tension
     Linear(stiffness=10000.0)
     """
     path = Path(path)

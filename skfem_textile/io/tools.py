@@ -80,19 +80,14 @@ def read_surface(
     Examples
     --------
     >>> import numpy as np
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
     >>> import meshio
     >>> s = np.linspace(0.0, 0.1, 5)  # in m
     >>> x, y = (a.ravel() for a in np.meshgrid(s, s))
     >>> k = np.add.outer(5 * np.arange(4), np.arange(4)).ravel()
     >>> t = np.hstack([[k, k + 1, k + 6], [k, k + 6, k + 5]])
-    >>> with TemporaryDirectory() as folder:
-    ...     file = Path(folder) / "plate.stl"
-    ...     meshio.write_points_cells(
-    ...         file, np.column_stack([x, y, 0 * x]), [("triangle", t.T)]
-    ...     )
-    ...     plate = read_surface(file, unit="m")
+    >>> points = np.column_stack([x, y, 0 * x])
+    >>> meshio.write_points_cells("plate.stl", points, [("triangle", t.T)])
+    >>> plate = read_surface("plate.stl", unit="m")
     >>> float(np.ptp(plate.facets.points))
     100.0
     """

@@ -223,8 +223,7 @@ def read_recordings(
     Examples
     --------
     >>> from pathlib import Path
-    >>> from tempfile import mkdtemp
-    >>> file = Path(mkdtemp()) / "pull.csv"
+    >>> file = Path("pull.csv")
     >>> _ = file.write_text("Weg;Kraft\nmm;kN\n0,0;0,0\n1,5;0,25\n")
     >>> (recording,) = read_recordings(file)
     >>> recording.columns["force"]
