@@ -45,7 +45,7 @@ def test_names_of_cases_are_unique_and_the_sample_is_a_case(name):
 #: Cases that are not stored, and stored cases of parts with options, by the starts of
 #: their names.
 MISSING = {
-    "forming": ("deep", "slack", "judged, 2", "chosen"),
+    "forming": ("deep", "slack", "chosen"),
     "interval": ("chosen",),
     "singular_fibres": (
         *("choosing inclusion", "inclusion 7", "chosen specimen", "chosen steep"),
