@@ -51,6 +51,11 @@ def test_a_table_of_defaults_has_the_values_of_python(table):
             assert values[name] == getattr(table.declaration, name)
 
 
+def test_the_help_of_an_option_ends_with_its_default():
+    assert words.option("size", int, default=3)["help"] == "size (default: %(default)s)"
+    assert words.option("size", int)["help"] == "size"
+
+
 def test_angles_are_in_radians_in_python_and_words_are_flags():
     law = ShearLaw.__args__[3](stiffness_N_per_mm=0.5, locking_angle_deg=60.0)
     assert law.construct() == Locking(0.5, radians(60))

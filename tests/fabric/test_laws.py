@@ -101,6 +101,7 @@ def test_the_domain_of_a_law_is_shifted_by_the_strain_before():
     law = Pretensioned(Tabulated([-0.01, 0.0, 0.03], [-10.0, 0.0, 30.0]), 5.0)
     assert law.strain_before == pytest.approx(0.005)
     assert law.domain == pytest.approx((-0.015, 0.025))
+    assert law.shown == pytest.approx((-0.015, 0.025))
 
 
 @every_law

@@ -42,6 +42,8 @@ def test_a_strip_buckles_and_agrees_with_the_elastica():
     assert summary["buckling_force_N_per_mm"] == pytest.approx(6.0 * (np.pi / 100) ** 2)
     assert summary["force_over_exact"] == pytest.approx(1.0, abs=3e-3)
     assert summary["height_over_exact"] == pytest.approx(1.0, abs=2e-3)
+    over = summary["height_mm"] / summary["exact_height_mm"]
+    assert over == pytest.approx(summary["height_over_exact"])
 
 
 def test_a_plane_ply_bends_from_the_command_line(tmp_path):

@@ -149,6 +149,12 @@ def test_a_surface_grows_out_of_its_tangent_plane():
     larger = drape.Sphere(8.0, (0, 0, -8))
     np.testing.assert_allclose(half.level(x), larger.level(x))
     np.testing.assert_allclose(half.hessian(x), larger.hessian(x))
+    away = np.array([1.0, 2.0, 3.0])
+    there = drape.Sphere(4.0, away - (0, 0, 4))
+    for t in (0.0, 0.5):
+        here = GrowingSurface(sphere, np.zeros(3), t).level(x)
+        moved = GrowingSurface(there, away, t).level(x + away[:, None])
+        np.testing.assert_allclose(moved, here, atol=1e-12)
 
 
 def test_normals_of_an_stl_file_agree_with_the_sphere(tmp_path):
