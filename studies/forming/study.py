@@ -143,11 +143,14 @@ def _pair(row: Row, name: str, unit: str) -> tuple[float, float]:
 
 
 def peaks(rows: Sequence[Row]) -> str:
-    """Largest angle of the reference hemisphere: raw, and recovered with interval."""
-    heads = ["parts a side", "largest at centres", "recovered", "punch force (N)"]
+    """Field, largest angle and force of the reference hemisphere with intervals."""
+    heads = ["parts a side", "unknowns", "field, rms error", "largest at centres"]
+    heads += ["recovered", "punch force (N)"]
     lines = [
         [
             f"{row['parts']}",
+            f"{row['unknowns']}",
+            f"{row['field']:.2f}°",
             f"{row['raw']:.2f}°",
             f"{row['angle']:.2f} ± {row['half_width_of_angle']:.2f}°",
             f"{row['force']:.2f} ± {row['half_width_of_force']:.2f}",
