@@ -200,12 +200,13 @@ class PartExport:
         return self.output.pattern or PATTERN_KINDS
 
     def refuse_folder(self, out: Path) -> None:
-        """Refuse a deck that its copy would replace."""
-        if self.deck and (out / _DECK).resolve() in self.deck.path.resolve().parents:
-            raise ValueError(
-                f"{printable(self.deck.path)}: its copy is written into this folder: "
-                "move the deck"
-            )
+        """Refuse files of a deck that its copy would replace."""
+        for file in self.deck.files if self.deck else ():
+            if (out / _DECK).resolve() in file.resolve().parents:
+                raise ValueError(
+                    f"{printable(file)}: the copy of the deck is written into this "
+                    "folder: move the file"
+                )
 
     def files(self, summary: Mapping[str, Any]) -> tuple[str, ...]:
         """Files that `write` replaces, of an export with this summary."""

@@ -145,11 +145,11 @@ class DeckCopy:
         lines = [line for some in kept for line in some]
         return "\n".join([*lines, *self._rest, ""]).encode(*UTF8)
 
-    def write(self, folder: Path, more: Mapping[str, list[str]]) -> list[Path]:
-        """Write all files with the changes, and more files by name; returns all paths.
+    def files(self, more: Mapping[str, list[str]]) -> dict[str, bytes]:
+        """Content of all files with the changes, and of more files, by their names.
 
-        Files below the folder of the deck keep their places relative to it.  Others
-        are written next to the deck, and the lines that include them are adapted.
+        The deck is the first.  Files below its folder keep their places relative to
+        it.  Others are next to it, and the lines that include them are adapted.
 
         Raises
         ------
@@ -172,10 +172,7 @@ class DeckCopy:
             copies[main] = whole + b"".join(rest)
         for name, lines in more.items():
             copies[name] = "\n".join([*lines, ""]).encode(*UTF8)
-        for name, content in copies.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(content)
-        return [folder / name for name in copies]
+        return copies
 
     def _by_file(self) -> dict[Path, dict[int, list[str]]]:
         """New lines by file and line in it."""

@@ -273,8 +273,8 @@ class AbaqusDeck:
 
     # Layups
 
-    def write(self, folder: Path, layup: Layup) -> tuple[list[Path], list[str]]:
-        """Write a copy with an include file for each part with fibres, and remarks.
+    def written(self, layup: Layup) -> tuple[dict[str, bytes], list[str]]:
+        """Copy with an include file for each part with fibres, and remarks.
 
         Tables of distributions are outside of parts, as Abaqus demands.
         """
@@ -301,7 +301,7 @@ class AbaqusDeck:
         if len(files) > 1:
             first = next(x.lines[0] for x in self.blocks if x.keyword == "PART")
             copy.insert(first, [f"*INCLUDE, INPUT={_file(stem, '')}"])
-        return copy.write(folder, files), remarks
+        return copy.files(files), remarks
 
     def _plies(self, part: _Part, layup: Layup) -> dict[int, int]:
         """Index of each covered element by its number, ascending.

@@ -25,7 +25,7 @@ from .file_numbers import errors_about, from_words, real_word
 from .layups import LAYERS, WARP, WEFT, Element, Layup
 from .radioss import COLUMN, Option, options
 
-Written = tuple[list[Path], list[str]]
+Written = tuple[dict[str, bytes], list[str]]
 
 # Deviation of the weft from 90° that a remark reports.
 _SKEW_DEG = 0.05
@@ -183,8 +183,8 @@ class NastranDeck(CardDeck):
             # Blank fields up to the last that is used here.
             yield name, fields + [""] * (_N_FIELDS - len(fields)), (first, end)
 
-    def write(self, folder: Path, layup: Layup) -> Written:
-        """Write a copy with the angle of the warp and the thickness in its elements."""
+    def written(self, layup: Layup) -> Written:
+        """Copy with the angle of the warp and the thickness in its elements."""
         copy, (angles, remarks) = DeckCopy(self.text), self._angles(layup)
         for i in layup.indices():
             element = layup.elements[i]
@@ -195,7 +195,7 @@ class NastranDeck(CardDeck):
             first, end = element.lines
             copy.comment_out(list(range(first, end)), "$")
             copy.insert(first, _large_card(element.kind, words))
-        return copy.write(folder, {}), remarks
+        return copy.files({}), remarks
 
     def _side(self, element: Element) -> ndarray:
         if element.kind != "CQUAD8":
@@ -375,8 +375,8 @@ class DynaDeck(CardDeck):
             self._cards[own[k]] = card
             k = end
 
-    def write(self, folder: Path, layup: Layup) -> Written:
-        """Write a copy whose shells have the angle of the warp and the thickness."""
+    def written(self, layup: Layup) -> Written:
+        """Copy whose shells have the angle of the warp and the thickness."""
         copy, (angles, remarks) = DeckCopy(self.text), self._angles(layup)
         current: dict[int, str] = {}
         covered = layup.covered.tolist()
@@ -399,7 +399,7 @@ class DynaDeck(CardDeck):
             elif current.get(card.head, wanted) != wanted:
                 copy.insert(first, [wanted])
             current[card.head] = wanted
-        return copy.write(folder, {}), remarks
+        return copy.files({}), remarks
 
     def _side(self, element: Element) -> ndarray:
         if not self._invariant:
@@ -473,8 +473,8 @@ class RadiossDeck(CardDeck):
                 elif keyword in ("BRICK", "TETRA4", "BEAM", "TRUSS", "SPRING", "QUAD"):
                     self.left[keyword] += len(cards)
 
-    def write(self, folder: Path, layup: Layup) -> Written:
-        """Write a copy with a file of plies, whose angles are in ``/DRAPE``."""
+    def written(self, layup: Layup) -> Written:
+        """Copy with a file of plies, whose angles are in ``/DRAPE``."""
         copy, remarks, numbers = DeckCopy(self.text), list[str](), self._numbers()
         name = f"{self.text.files[0].path.stem}_fibres.inc"
         ends = [o.lines[0] for o in self._options if o.name[0].upper() == "END"]
@@ -495,7 +495,7 @@ class RadiossDeck(CardDeck):
         lines.append("".join(map(_word20, axis.tolist())) + 3 * f"{0:>10}")
         for ply in plies:
             lines += [f"{ply:>10}{0:>20}{0:>20}", ""]
-        return copy.write(folder, {name: lines}), remarks
+        return copy.files({name: lines}), remarks
 
     def _groups(self, layup: Layup) -> tuple[list["_Group"], list[str]]:
         """Elements with the same layers, and the properties with fibres."""

@@ -49,6 +49,8 @@ class PartDeck:
     ----------
     path
         The file.
+    files
+        The file and the files that it includes.
     mesh
         The elements by their corners, in global axes: all with as many corners as the
         first, then the others.
@@ -64,6 +66,7 @@ class PartDeck:
     """
 
     path: Path
+    files: tuple[Path, ...]
     mesh: ToolMesh
     labels: ndarray
     types: tuple[str, ...]
@@ -111,7 +114,8 @@ def read_part_deck(path: str | os.PathLike[str]) -> PartDeck:
     labels = np.array([x.number for x in elements])
     columns = (tuple(x.kind for x in elements), tuple(x.scope for x in elements))
     known = {name: members for name, members in sets.items() if members.size}
-    return PartDeck(path, mesh, labels, *columns, known, form, elements)
+    files = tuple(file.path for file in form.text.files)
+    return PartDeck(path, files, mesh, labels, *columns, known, form, elements)
 
 
 def _in_order(elements: list[Element]) -> tuple[Element, ...]:
@@ -186,7 +190,7 @@ def write_part_deck(
     Parameters
     ----------
     folder
-        A folder that does not contain the deck.
+        A folder in which no file of the deck would be overwritten.
     deck
         The deck.
     fibres
@@ -218,33 +222,58 @@ def write_part_deck(
         If a file cannot be written.
     """
     folder, path = Path(folder), deck.path
-    layup = _layup(folder, deck, fibres, thickness, material)
+    layup = _layup(deck, fibres, thickness, material)
     with errors_about(path):
         if calculix and not isinstance(deck._form, AbaqusDeck):
             raise MeshError("CalculiX requires an .inp file")
-        written, remarks = deck._form.write(folder, layup)
+        files, remarks = deck._form.written(layup)
         if calculix:
             try:
-                variant = calculix_deck(deck._form, layup)
-                written.append(folder / f"{path.stem}_ccx.inp")
-                written[-1].write_bytes(variant[0])
-                remarks += variant[1]
+                name = f"{path.stem}_ccx.inp"
+                if name in files:
+                    raise MeshError(f"the deck includes {printable(name)} already")
+                files[name], more = calculix_deck(deck._form, layup)
+                remarks += more
             except MeshError as error:
                 remarks.append(f"not written for CalculiX: {error}")
-    written.append(folder / f"{path.stem}_fibres.vtu")
+    if left := _by_part(deck, np.flatnonzero(~layup.covered)):
+        remarks.append(f"the ply does not cover element(s) {left}")
+    written = [folder / name for name in (*files, f"{path.stem}_fibres.vtu")]
+    _refuse_sources(written, deck)
+    for file, content in zip(written[:-1], files.values(), strict=True):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content)
     write_fibres(written[-1], fibres)
-    left = deck.labels[~layup.covered]
-    if left.size:
-        more = f" and {left.size - _LISTED} more" if left.size > _LISTED else ""
-        listed = ", ".join(map(str, left[:_LISTED].tolist()))
-        remarks.append(f"the ply does not cover element(s) {listed}{more}")
     for remark in remarks:
         log.warning("%s: %s", printable(path), remark)
     return written
 
 
+def _refuse_sources(written: list[Path], deck: PartDeck) -> None:
+    """Refuse to overwrite a file of the deck."""
+    for file in written:
+        if file.exists() and any(map(file.samefile, deck.files)):
+            raise ValueError(
+                f"{printable(file)}: this file of the deck is not overwritten: specify "
+                "another folder"
+            )
+
+
+def _by_part(deck: PartDeck, index: ndarray) -> str:
+    """First numbers of elements by instance, part or property, if there are several."""
+    parts = [x.scope or x.owner for x in deck._elements]
+    numbers: dict[str, list[int]] = {}
+    for i in index.tolist():
+        numbers.setdefault(parts[i], []).append(deck._elements[i].number)
+    listed = []
+    for part, own in numbers.items():
+        more = f" and {len(own) - _LISTED} more" if len(own) > _LISTED else ""
+        of_part = f" of {printable(part)}" if len(set(parts)) > 1 and part else ""
+        listed.append(", ".join(map(str, own[:_LISTED])) + more + of_part)
+    return "; ".join(listed)
+
+
 def _layup(
-    folder: Path,
     deck: PartDeck,
     fibres: FibresInSpace,
     thickness: float | ndarray,
@@ -265,11 +294,6 @@ def _layup(
         raise ValueError(
             f"the material {printable(material)!r} must be a name of letters, digits, "
             "points, hyphens and underscores"
-        )
-    if folder.resolve() == deck.path.resolve().parent:
-        raise ValueError(
-            f"{printable(folder)}: the folder of the deck is not overwritten: specify "
-            "another one"
         )
     on_deck = replace(fibres, mesh=deck.mesh)
     return Layup.of(deck._elements, on_deck, t, material)

@@ -171,7 +171,11 @@ def test_exports_leave_other_files_and_decks(formed, tmp_path):
     part = "--part-mesh", str(formed / "part.stl")
     assert cli.main(["export", str(out), *part]) == 0
     assert (out / "deck" / "two.inp").exists()
-    assert cli.main([*words, str(out / "deck" / "two.inp")]) == 2
+    (formed / "in.inp").write_text("*INCLUDE, INPUT=out/deck/two.inp")
+    for deck in (out / "deck" / "two.inp", formed / "in.inp"):
+        before = {x: x.read_bytes() for x in (out / "deck").glob("*.*")}
+        assert cli.main([*words, str(deck)]) == 2
+        assert {x: x.read_bytes() for x in before} == before
 
 
 def test_files_removed_before_an_export_are_below_its_deck(tmp_path):

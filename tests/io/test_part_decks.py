@@ -489,6 +489,20 @@ def test_files_outside_of_the_folder_are_copied_next_to_the_deck(
     np.testing.assert_array_equal(again.mesh.points, read.mesh.points)
 
 
+@pytest.mark.parametrize("folder", [".", "home"])
+def test_no_file_of_the_deck_is_overwritten(tmp_path, folder):
+    """In one line, before anything is written."""
+    (tmp_path / "home").mkdir()
+    written_deck(tmp_path, *SECTION, name="sec.inp")
+    lines = [*NODES, *QUADS, "*Include, input=../sec.inp"]
+    read = read_part_deck(written_deck(tmp_path / "home", *lines))
+    assert [x.name for x in read.files] == ["a.inp", "sec.inp"]
+    before = {x: x.read_bytes() for x in tmp_path.rglob("*.*")}
+    with pytest.raises(ValueError, match="inp: this file of the deck is not overwr"):
+        write_part_deck(tmp_path / folder, read, straight(read.mesh), 0.4)
+    assert {x: x.read_bytes() for x in tmp_path.rglob("*.*")} == before
+
+
 # Other decks
 
 TRIANGLE = ["GRID,1,,0.,0.,0.", "GRID,2,,1.,0.,0.", "GRID,3,,0.,1.,0."]
@@ -616,7 +630,6 @@ def test_arguments_that_do_not_fit_are_refused(tmp_path):
         ("must be positive, a number or of shape", out, fibres, 0.0),
         ("must be positive, a number or of shape", out, fibres, np.ones(3)),
         ("does not cover any element", out, none, 0.4),
-        ("specify another one", tmp_path, fibres, 0.4),
         ("element 7 has no section: specify the material", out, fibres, 0.4),
     ):
         with pytest.raises(ValueError, match=message):
