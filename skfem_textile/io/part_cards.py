@@ -118,6 +118,9 @@ _CARDS = {
     "CQUAD8": _Card(4, 8, 14, 16),
     "CTRIA6": _Card(3, 6, 8, 13),
 }
+# Fields that repeat or increment fields of the card before.
+_REPEATED = re.compile(r"=.*|\*\(?[-+]?[\d.].*")
+
 # Field of the thickness at the first corner.
 _T1 = 10
 _OTHERS = re.compile(
@@ -136,14 +139,25 @@ class NastranDeck(CardDeck):
 
     def _read(self) -> None:
         self._fields: dict[tuple[int, int], list[str]] = {}  # by lines
+        self._layered: dict[str, str] = {}  # cards of layers by property
         grids, usual = list[list[str]](), ""
         axes: dict[int, tuple[str, list[str]]] = {}
         for name, fields, lines in self._cards():
-            with errors_about(f"{name} {excerpt(fields[0])}"):
+            with errors_about(f"{excerpt(name)} {excerpt(fields[0])}"):
+                is_read = name in ("GRID", *_CARDS) or _OTHERS.fullmatch(name)
+                if name.startswith("=") or (
+                    is_read and any(map(_REPEATED.fullmatch, fields))
+                ):
+                    raise MeshError(
+                        "repeated fields (=, *1) are not supported: write out all cards"
+                    )
                 if name == "GRID":
                     grids.append(fields)
                 elif name == "GRDSET":
                     usual = fields[1]
+                elif name in ("PCOMP", "PCOMPG"):
+                    owner = _integer(fields[0])
+                    self._layered[f"property {owner}"] = f"{name} {owner}"
                 elif name.startswith("CORD2"):
                     axes[_integer(fields[0])] = name[5:], fields[1:11]
                 elif name in _CARDS:
@@ -195,6 +209,12 @@ class NastranDeck(CardDeck):
             first, end = element.lines
             copy.comment_out(list(range(first, end)), "$")
             copy.insert(first, _large_card(element.kind, words))
+        owners = dict.fromkeys(layup.elements[i].owner for i in layup.indices())
+        if layered := [self._layered[x] for x in owners if x in self._layered]:
+            remarks.append(
+                f"{', '.join(layered)}: its layers keep their thickness, T1 to T4 of "
+                "elements are ignored"
+            )
         return copy.files({}), remarks
 
     def _side(self, element: Element) -> ndarray:
@@ -321,7 +341,7 @@ class DynaDeck(CardDeck):
         return Include(names, ["$"] * n)
 
     def _read(self) -> None:
-        self._format, self._invariant = "-", False
+        self._invariant = False
         self._cards: dict[int, _ShellCard] = {}  # by first line
         lines = self.text.lines
         kept = [i for i, x in enumerate(lines) if x.strip() and not x.startswith("$")]
@@ -333,11 +353,14 @@ class DynaDeck(CardDeck):
             keyword, *marks = head[1:].upper().split()
             if keyword == "END":
                 return
-            mark = next((x for x in marks if x in _WIDTHS), self._format)
+            mark = next((x for x in marks if x in _WIDTHS), "-")
             with errors_about(f"*{excerpt(keyword)}"):
                 if keyword == "KEYWORD":
-                    long = re.search(r"LONG\s*=\s*([YSK])", head.upper())
-                    self._format = "+" if long and long[1] == "Y" else self._format
+                    if option := re.search(r"(LONG|I10)\s*=\s*Y", head.upper()):
+                        raise MeshError(
+                            f"the option {option[1]}=Y is not supported: export the "
+                            "deck in the standard format"
+                        )
                 elif keyword == "CONTROL_ACCURACY" and own:
                     inn = _words(lines[own[0]], [10, 10])[1]
                     self._invariant = bool(inn) and abs(_integer(inn)) > 1
@@ -441,6 +464,9 @@ _IN_GROUP = 10
 # Integration points of a layer, and `def_orth` of angles from a projected direction.
 _POINTS, _PROJECTED = 3, 2
 
+# Title of groups of elements without fibres.
+_NOT_COVERED = "NOT_COVERED"
+
 
 class RadiossDeck(CardDeck):
     """Nodes and shells of an OpenRadioss starter deck."""
@@ -479,26 +505,34 @@ class RadiossDeck(CardDeck):
         name = f"{self.text.files[0].path.stem}_fibres.inc"
         ends = [o.lines[0] for o in self._options if o.name[0].upper() == "END"]
         copy.insert(ends[0] if ends else None, [f"#include {name}"])
-        groups, properties = self._groups(layup)
+        groups, stacks = self._groups(layup)
         axis = _axis(layup)
         angles = layup.angles_deg(np.tile(axis[:, None], len(layup.elements)))
-        lines, plies = ["# plies of a woven ply, by skfem_textile; mm"], list[int]()
+        lines = ["# plies of a woven ply, by skfem_textile; mm"]
         for group in groups:
-            plies += _write_plies(group, layup, angles, numbers, lines)
-        for number in properties:
+            stacks[group.owner] += _write_plies(group, layup, angles, numbers, lines)
+        for number, plies in stacks.items():
             option = self._property(number)
             copy.comment_out(option.lines, "#")
             remarks.append(f"{_named(option)} is commented out for the plies")
             lines += [f"/PROP/PCOMPP/{number}", "FIBRES"]
-        shell = _first_card(self._property(properties[0]))[: 4 * COLUMN]
-        lines += [f"/STACK/{next(numbers)}", "FIBRES", shell, "", ""]
-        lines.append("".join(map(_word20, axis.tolist())) + 3 * f"{0:>10}")
-        for ply in plies:
-            lines += [f"{ply:>10}{0:>20}{0:>20}", ""]
+            shell = _first_card(option)[: 4 * COLUMN]
+            lines += [f"/STACK/{next(numbers)}", "FIBRES", shell, "", ""]
+            lines.append("".join(map(_word20, axis.tolist())) + 3 * f"{0:>10}")
+            for ply in plies:
+                lines += [f"{ply:>10}{0:>20}{0:>20}", ""]
+        with_plies = {i for group in groups for i in group.members}
+        left = [x for i, x in enumerate(layup.elements) if i not in with_plies]
+        _write_group(left, _NOT_COVERED, numbers, lines)
         return copy.files({name: lines}), remarks
 
-    def _groups(self, layup: Layup) -> tuple[list["_Group"], list[str]]:
-        """Elements with the same layers, and the properties with fibres."""
+    def has_material(self, number: str) -> bool:
+        """True if a material is defined."""
+        names = [o.name for o in self._options]
+        return any(x[0].upper() == "MAT" and x[2:3] == [number] for x in names)
+
+    def _groups(self, layup: Layup) -> tuple[list["_Group"], dict[str, list[int]]]:
+        """Elements with the same layers; the properties with fibres, without plies."""
         parts, covered = self._parts(), layup.covered.tolist()
         for element in layup.elements:
             if not all(parts.get(element.owner, [""])):
@@ -508,14 +542,15 @@ class RadiossDeck(CardDeck):
                 )
         of = [parts[element.owner] for element in layup.elements]
         properties = sorted({of[i][0] for i in layup.indices()})
-        found: dict[tuple[str, float], list[int]] = {}
+        found: dict[tuple[str, str, float], list[int]] = {}
         for i, (number, own) in enumerate(of):
             if covered[i]:
-                found.setdefault((layup.material or own, 0.0), []).append(i)
+                found.setdefault((number, layup.material or own, 0.0), []).append(i)
             elif number in properties:
-                found.setdefault((own, self._thickness(number)), []).append(i)
-        groups = [_Group(own, thick, at) for (own, thick), at in found.items()]
-        return groups, properties
+                key = number, own, self._thickness(number)
+                found.setdefault(key, []).append(i)
+        groups = [_Group(*key, at) for key, at in found.items()]
+        return groups, {number: [] for number in properties}
 
     def _numbers(self) -> Iterator[int]:
         """Numbers that no keyword uses."""
@@ -558,8 +593,9 @@ def _named(option: Option) -> str:
 
 
 class _Group(NamedTuple):
-    """Elements with the same layers: their material and thickness, 0 for fibres."""
+    """Elements of a property: their material and thickness, 0 for fibres."""
 
+    owner: str
     material: str
     thickness: float
     members: list[int]
@@ -574,14 +610,9 @@ def _write_plies(
 ) -> list[int]:
     """Append the plies of a group to lines; returns their numbers."""
     own, plies = [layup.elements[i] for i in group.members], []
-    title = "NOT_COVERED" if group.thickness else "FIBRES"
-    at, drapes = "", dict.fromkeys([title], 0)
-    for kind, keyword in (("SHELL", "GRSHEL/SHEL"), ("SH3N", "GRSH3N/SH3N")):
-        some = [element.number for element in own if element.kind == kind]
-        number = next(numbers) if some else 0
-        at += f"{number:>10}"
-        if some:
-            lines += [f"/{keyword}/{number}", title, *_ten_in_a_line(some)]
+    title = _NOT_COVERED if group.thickness else "FIBRES"
+    drapes = dict.fromkeys([title], 0)
+    at = _write_group(own, title, numbers, lines)
     layers: Sequence[tuple[str, float]] = [(title, 1.0)]
     if not group.thickness:
         layers = LAYERS
@@ -599,6 +630,20 @@ def _write_plies(
         more = f"{drapes[family]:>10}{_PROJECTED:>10}"
         lines += [f"/PLY/{plies[-1]}", family, card, more]
     return plies
+
+
+def _write_group(
+    elements: list[Element], title: str, numbers: Iterator[int], lines: list[str]
+) -> str:
+    """Append the groups of quadrilaterals and triangles; returns both numbers."""
+    at = ""
+    for kind, keyword in (("SHELL", "GRSHEL/SHEL"), ("SH3N", "GRSH3N/SH3N")):
+        some = [element.number for element in elements if element.kind == kind]
+        number = next(numbers) if some else 0
+        at += f"{number:>10}"
+        if some:
+            lines += [f"/{keyword}/{number}", title, *_ten_in_a_line(some)]
+    return at
 
 
 def _axis(layup: Layup) -> ndarray:

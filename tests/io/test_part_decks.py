@@ -188,15 +188,16 @@ def of_rad(made, path):
     text = path.read_text() + (path.parent / "part_0000_fibres.inc").read_text()
     blocks = [
         (m[1].split("/"), m[2].splitlines())
-        for m in re.finditer(r"^/(.*)\n((?:[^/].*\n|\n)*)", text, re.M)
+        for m in re.finditer(r"^/(.*)\n((?:[^/\n].*\n|\n)*)", text, re.M)
     ]
     by = {}
     for name, lines in blocks:
         kept = [x for x in lines if not x.startswith("#")]
         by.setdefault("/".join(name), []).extend(kept)
-    stack = next(lines for name, lines in by.items() if name.startswith("STACK"))
-    axis = np.array([float(stack[4][20 * k : 20 * k + 20]) for k in range(3)])
-    plies = [by[f"PLY/{int(x[:10])}"] for x in stack[5::2]]
+    stacks = [lines for name, lines in by.items() if name.startswith("STACK")]
+    assert len({stack[4] for stack in stacks}) == 1
+    axis = np.array([float(stacks[0][4][20 * k : 20 * k + 20]) for k in range(3)])
+    plies = [by[f"PLY/{int(x[:10])}"] for stack in stacks for x in stack[5::2]]
     found, families = {}, {"WARP": {}, "WEFT": {}}
     total, order = Counter(), {}
     for title, card, more in plies:
@@ -519,6 +520,45 @@ def test_a_remark_states_by_how_much_the_weft_is_skewed(tmp_path, caplog):
     assert [line[-23:] for line in caplog.messages] == ["90° to it by up to 0.1°"]
 
 
+def test_layers_of_nastran_ignore_the_thickness(tmp_path, caplog):
+    layers = ["PCOMP,4", ",7,0.2,0.", "CTRIA3,9,4,1,2,3"]
+    read = read_part_deck(written_deck(tmp_path, *TRIANGLE, *layers, name="a.bdf"))
+    write_part_deck(tmp_path / "out", read, straight(read.mesh), 0.4)
+    assert [x.split(": ", 1)[1] for x in caplog.messages] == [
+        "PCOMP 4: its layers keep their thickness, T1 to T4 of elements are ignored"
+    ]
+
+
+def radioss_column(*numbers):
+    return "".join(f"{n:>10}" for n in numbers)
+
+
+def radioss_parts(folder, n):
+    """Squares in a row, each a part with a property."""
+    lines = ["#RADIOSS STARTER", "/MAT/LAW25/5", "m", "/NODE"]
+    for i in range(2 * n + 2):
+        lines.append(f"{i + 1:>10}{i // 2 * 10.0:>20}{i % 2 * 10.0:>20}{0.0:>20}")
+    for k in range(1, n + 1):
+        nodes = 2 * k - 1, 2 * k + 1, 2 * k + 2, 2 * k
+        lines += [f"/SHELL/{k}", radioss_column(100 + k, *nodes)]
+        lines += [f"/PART/{k}", "skin", radioss_column(k + 10, 5)]
+        lines += [f"/PROP/SHELL/{k + 10}", "skin", radioss_column(20 + k), ""]
+        lines.append(f"{5:>10}{'':10}{0.9:>20}")
+    return read_part_deck(written_deck(folder, *lines, "/END", name="a.rad"))
+
+
+def test_each_property_of_openradioss_has_a_stack(tmp_path, caplog):
+    """Elements of other properties are a group without fibres."""
+    read = radioss_parts(tmp_path, 3)
+    fibres = straight(read.mesh, [True, True, False])
+    files = write_part_deck(tmp_path / "out", read, fibres, 0.4)
+    lines = files[1].read_text().splitlines()
+    stacks = [i for i, x in enumerate(lines) if x.startswith("/STACK")]
+    assert [lines[i + 2].strip() for i in stacks] == ["21", "22"]
+    assert lines[-2:] == ["NOT_COVERED", radioss_column(103)]
+    assert caplog.messages[-1].endswith("does not cover element(s) 103 of part 3")
+
+
 def test_numbers_of_nastran_have_exponents_without_letters(tmp_path):
     grids = ["GRID,1,,1.5-3,-2.+1,0.", "GRID,2,,1.D+1,-.2E2,", "GRID,3,,10.,5.,"]
     read = read_part_deck(
@@ -572,6 +612,10 @@ REFUSED = [
     ("a.bdf", [*FLAT, "CTRIA3,9,1,1,2,3"], "element 9 has no area"),
     ("a.bdf", ["GRID,3,4,0.,0.,0."], "GRID 3: it is in the coordinate system 4"),
     ("a.k", ["*KEYWORD", "*INCLUDE_PATH", "b"], r"\*INCLUDE_PATH is not"),
+    ("a.bdf", [*FLAT, "=,9,*1,=="], "= 9: repeated fields"),
+    ("a.bdf", [*FLAT, "GRID,4,,*1.,=,="], r"GRID 4: repeated fields \(=, \*1\) are no"),
+    ("a.k", ["*KEYWORD I10=Y"], r"\*KEYWORD: the option I10=Y is not supported"),
+    ("a.k", ["*KEYWORD LONG = Y"], "the option LONG=Y is not supported"),
     ("a.k", ["1"], "the file does not begin with"),
     ("a.rad", ["/TRANSFORM/TRA/1"], "/TRANSFORM/TRA/1: nodes are moved"),
 ]
