@@ -2,37 +2,42 @@
 
 CalculiX ignores ``*DISTRIBUTION`` under shells.  Each class of similar directions and
 thickness has its own section and orientations.  Where the thickness changes, CalculiX
-makes nodes rigid, and has no room for several layers there.  Outer layers without
-stiffness and mass therefore fill all sections to the same thickness.
+makes nodes rigid, and has no room for several layers there; nor where their number
+changes.  Outer layers without
+stiffness and mass therefore fill all sections to the same thickness, also of elements
+that the ply does not cover.
 """
 
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from ..mesh.user_input import excerpt
 from .abaqus import Block, node_lines, set_lines
 from .deck_text import UTF8, DeckCopy
-from .file_numbers import real_word
-from .layups import LAYERS, WARP, Element, Layup
-from .part_abaqus import AbaqusDeck, Group, first_words, type_of
+from .file_numbers import from_words, real_word
+from .layups import LAYERS, WARP, WEFT, Element, Layup
+from .part_abaqus import AbaqusDeck, FreeNames, Group, Part, first_words, type_of
 
 # Width of classes of directions in degrees, and of classes of relative thickness.
 _CLASS_DEG, _CLASS_THICKNESS = 0.1, 1e-3
 
-# Material of the outer layers: a modulus far below fibres and resins (N/mm2), and a
-# density (t/mm3) that makes its own frequencies high.
-_FILLING = "FILLING"
-_FILLING_LINES = (
-    *(f"*MATERIAL, NAME={_FILLING}", "*ELASTIC", "1., 0.", "*DENSITY", "1e-15"),
-)
+# Material of the outer layers: a modulus (N/mm2) far below fibres and resins, also for
+# thin plies beside thick sections, and a density (t/mm3) that makes its own frequencies
+# high.
+_FILLING, _SOFT = "FILLING", ("*ELASTIC", "1e-4, 0.", "*DENSITY", "1e-19")
 
-# Thickness of all sections relative to the thickest ply.
+# Thickness of all sections relative to the thickest ply or section.
 _FILLED = 1.01
+
+# Parameters of sections that cannot be filled.
+_NOT_FILLED = ("COMPOSITE", "OFFSET", "NODAL THICKNESS", "SHELL THICKNESS")
 
 # Keywords of an assembly, which are removed.
 _OF_ASSEMBLY = ("PART", "ASSEMBLY", "INSTANCE")
@@ -76,10 +81,11 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
         If the deck has several instances, or fibres in membranes.
     """
     (part, instance), elements = deck.only(), {x.number: x for x in layup.elements}
-    plies = {layup.elements[i].number: i for i in layup.indices()}
-    if other := [n for n in plies if not _is_raised(elements[n].kind)]:
-        kind = elements[other[0]].kind
-        raise MeshError(f"element {other[0]} is a {kind}: use S3 to S8R")
+    covered = [layup.elements[i] for i in layup.indices()]
+    if other := [x for x in covered if not _is_raised(x.kind)]:
+        raise MeshError(
+            f"element {other[0].number} is a {other[0].kind}: use S3 to S8R"
+        )
     nodes = _MidNodes({n: x for (_, n), x in deck.positions.items()})
     copy, lines = DeckCopy(deck.text), list[str]()
     _rename(copy, deck.text.lines, instance.name)
@@ -102,13 +108,47 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
     own |= {name: {n for _, n in pairs} for name, pairs in deck.node_sets.items()}
     for name, members in own.items():
         lines += set_lines("NSET", name, nodes.within(members))
-    lines += _FILLING_LINES
-    for k, group in enumerate(deck.groups(part, set(plies), layup.material)):
-        lines += _classes(group, plies, layup, f"CLASS_{k}")
-        lines += group.rest_lines(str)
-        list(group.comment_out(copy))
+    sections, more = _sections(deck, part, elements, layup, copy)
+    lines, remarks = [*lines, *sections], [*remarks, *more]
     copy.insert(deck.flat.end, lines)
     return copy.content(), remarks
+
+
+def _sections(
+    deck: AbaqusDeck,
+    part: Part,
+    elements: dict[int, Element],
+    layup: Layup,
+    copy: DeckCopy,
+) -> tuple[list[str], list[str]]:
+    """Lines of all sections that are replaced, and remarks about others."""
+    plies = {layup.elements[i].number: i for i in layup.indices()}
+    free, remarks = deck.free_names(), list[str]()
+    rest: list[tuple[Group, float]] = []
+    for section, members in deck.sections(part):
+        covered, left = sorted(members & plies.keys()), sorted(members - plies.keys())
+        is_raised = all(n in elements and _is_raised(elements[n].kind) for n in left)
+        thick = _thickness(section[0]) if is_raised else 0.0
+        if left:
+            rest.append((Group(covered, left, "", section, False), thick))
+    thickest = max(float(np.nanmax(layup.thickness)), *(t for _, t in rest), 0.0)
+    filling = _Filling(free(_FILLING), _FILLED * thickest)
+    lines = [f"*MATERIAL, NAME={filling.material}", *_SOFT]
+    for k, group in enumerate(deck.groups(part, set(plies), layup.material)):
+        lines += _classes(group, plies, layup, f"CLASS_{k}", free, filling)
+        list(group.comment_out(copy))
+    for group, thick in rest:
+        if thick > 0:
+            lines += _filled(group, thick, free, filling)
+            list(group.comment_out(copy))
+            continue
+        lines += group.rest_lines(free) if group.members else ()
+        name = excerpt(group.parameters.get("ELSET", ""))
+        remarks.append(
+            f"{group.section[0]} of {name} keeps its thickness for CalculiX, which "
+            "makes nodes rigid where the thickness changes"
+        )
+    return lines, remarks
 
 
 def _rename(copy: DeckCopy, lines: list[str], instance: str) -> None:
@@ -184,14 +224,57 @@ def _engineering(block: Block) -> Iterator[str]:
         yield ", ".join([real_word(G23), *(x.decode() for x in row[6:7] if x)])
 
 
+class _Filling(NamedTuple):
+    """Material of the outer layers, and thickness with them."""
+
+    material: str
+    whole: float
+
+    def around(self, layers: list[str], thickness: float, axes: str) -> list[str]:
+        """Data lines of layers of a thickness between two of the filling."""
+        own = _layer(0.5 * (self.whole - thickness), self.material, axes)
+        return [own, *layers, own]
+
+
+def _layer(thickness: float, material: str, axes: str) -> str:
+    """Data line of a layer with an orientation, which may be empty."""
+    return f"{real_word(thickness)}, , {material}" + f", {axes}" * bool(axes)
+
+
+def _thickness(section: Block) -> float:
+    """Thickness of a section that can be filled, or 0."""
+    given = section.parameters
+    is_plain = section.keyword == "SHELL SECTION" and "MATERIAL" in given
+    if not is_plain or any(key in given for key in _NOT_FILLED) or not section.data:
+        return 0.0
+    return float(from_words(section.data[0][:1], "f8")[0])
+
+
+def _filled(
+    group: Group, thickness: float, free: FreeNames, filling: _Filling
+) -> Iterator[str]:
+    """Section of the elements of a group that the ply does not cover."""
+    given, name = group.parameters, free(group.rest_name())
+    axes = given.get("ORIENTATION", "")
+    yield from set_lines("ELSET", name, group.rest)
+    yield f"*SHELL SECTION, COMPOSITE, ELSET={name}"
+    layers = [_layer(thickness * share, given["MATERIAL"], axes) for _, share in LAYERS]
+    yield from filling.around(layers, thickness, axes)  # as many as of a ply
+
+
 def _classes(
-    group: Group, plies: dict[int, int], layup: Layup, first: str
+    group: Group,
+    plies: dict[int, int],
+    layup: Layup,
+    first: str,
+    free: FreeNames,
+    filling: _Filling,
 ) -> Iterator[str]:
     """Orientations and sections of covered elements."""
     members = group.members
     at = np.array([plies[n] for n in members])
     frame = np.vstack([layup.warp, layup.weft, layup.normal])[:, at]
-    thick, whole = layup.thickness[at], _FILLED * float(np.nanmax(layup.thickness))
+    thick = layup.thickness[at]
     steps = np.vstack(
         [frame / np.radians(_CLASS_DEG), np.log(thick) / _CLASS_THICKNESS]
     )
@@ -200,16 +283,13 @@ def _classes(
     for number in range(of_class.max() + 1):
         own = np.flatnonzero(of_class == number)
         warp, weft, normal = frame[:, own].mean(axis=1).reshape(3, 3)
-        name = f"{first}_{number}"
+        name = free(f"{first}_{number}")
+        axes = {family: free(f"{name}{family[-1]}") for family in (WARP, WEFT)}
         yield from set_lines("ELSET", name, [members[i] for i in own.tolist()])
-        for family, a in (("P", warp), ("F", weft)):
-            yield f"*ORIENTATION, NAME={name}{family}, SYSTEM=RECTANGULAR"
+        for family, a in ((WARP, warp), (WEFT, weft)):
+            yield f"*ORIENTATION, NAME={axes[family]}, SYSTEM=RECTANGULAR"
             yield ", ".join(map(real_word, [*a, *np.cross(normal, a)]))
         yield f"*SHELL SECTION, COMPOSITE, ELSET={name}"
         mean = float(thick[own].mean())
-        filling = f"{real_word(0.5 * (whole - mean))}, , {_FILLING}, {name}P"
-        yield filling
-        for family, share in LAYERS:
-            axes = f"{name}{'P' if family == WARP else 'F'}"
-            yield f"{real_word(mean * share)}, , {group.material}, {axes}"
-        yield filling
+        layers = [_layer(mean * s, group.material, axes[x]) for x, s in LAYERS]
+        yield from filling.around(layers, mean, axes[WARP])

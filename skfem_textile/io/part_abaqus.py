@@ -2,9 +2,9 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import count
+from itertools import count, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -61,6 +61,13 @@ _TABLES = (AXES, ANGLE, LENGTH)
 # Parameters of a section that a layup keeps.
 _KEPT = ("OFFSET", "CONTROLS", "STACK DIRECTION", "POISSON", "DENSITY")
 
+# Parameters that layers do not have, and keywords that may follow a section.
+_LEFT_OUT = ("ORIENTATION", "NODAL THICKNESS", "SHELL THICKNESS")
+_OF_SECTION = (
+    *("TRANSVERSE SHEAR STIFFNESS", "HOURGLASS STIFFNESS", "REBAR LAYER"),
+    *("DAMPING", "EXPANSION"),
+)
+
 # Largest angle in degrees between equal fibres of several instances.
 _SAME_DEG = 0.1
 
@@ -75,7 +82,7 @@ class _Instance(NamedTuple):
 
 
 @dataclass
-class _Part:
+class Part:
     """Content of a part; ``end`` is the line before which a file can be included."""
 
     name: str
@@ -112,13 +119,12 @@ class AbaqusDeck:
         self.elements: list[Element] = []
         self.sets: dict[str, list[tuple[str, int]]] = {}
         self.left = Counter[str]()
-        self._parts: dict[str, _Part] = {}
+        self._parts: dict[str, Part] = {}
         self.flat = self._part("")
         self._own: list[Block] = []  # sets of the assembly
         self._has_own_nodes = False
         self.node_sets: dict[str, list[tuple[str, int]]] = {}
         self._names: set[str] = set()
-        self._taken: set[str] = set()
         self.blocks = list(blocks(self.text.content))
         self._read()
         for part, instance in self._instances():
@@ -127,12 +133,12 @@ class AbaqusDeck:
             with errors_about(block):
                 self._add_own_set(block)
 
-    def _part(self, name: str) -> _Part:
+    def _part(self, name: str) -> Part:
         deck = Deck(cells=_SHELLS, n_lines=len(self.text.lines))
-        self._parts[name] = _Part(name, deck)
+        self._parts[name] = Part(name, deck)
         return self._parts[name]
 
-    def _instances(self) -> list[tuple[_Part, _Instance]]:
+    def _instances(self) -> list[tuple[Part, _Instance]]:
         return [(p, i) for p in self._parts.values() for i in p.instances]
 
     def _read(self) -> None:
@@ -141,7 +147,7 @@ class AbaqusDeck:
         in_assembly = False
         for block in self.blocks:
             keyword, parameters, data, lines = block
-            self._names.add(parameters.get("NAME", "").upper())
+            self._names.add(name_of(parameters, "NAME"))
             with errors_about(block):
                 if keyword == "STEP":
                     flat.end = lines[0] if flat.end is None else flat.end
@@ -165,7 +171,7 @@ class AbaqusDeck:
                 elif not in_assembly:
                     self._read_mesh(scope, block)
 
-    def _instance(self, parameters: dict[str, str], data: list[list[bytes]]) -> _Part:
+    def _instance(self, parameters: dict[str, str], data: list[list[bytes]]) -> Part:
         """Add an instance; returns its part, or a new one if that has no nodes.
 
         A mesh made in the assembly is in the instance, and its part is empty.
@@ -179,7 +185,7 @@ class AbaqusDeck:
         known.instances.append(_Instance(name, *motion(data)))
         return known
 
-    def _read_mesh(self, part: _Part, block: Block) -> None:
+    def _read_mesh(self, part: Part, block: Block) -> None:
         of_mesh = block.keyword in (*_OF_MESH, *SECTIONS)
         if of_mesh and part is not self.flat and part.end is not None:
             raise MeshError("within *INSTANCE: define it in *PART")
@@ -199,7 +205,7 @@ class AbaqusDeck:
         elif block.keyword in (*_OF_MESH, "INCLUDE") or block.keyword in GENERATING:
             read_block(part.deck, block)
 
-    def _place(self, part: _Part, instance: _Instance) -> None:
+    def _place(self, part: Part, instance: _Instance) -> None:
         """Add an instance of a part."""
         deck, scope = part.deck, instance.name
         if deck.tags is None:
@@ -256,7 +262,7 @@ class AbaqusDeck:
         members = found.setdefault(block.parameters.get(block.keyword, ""), [])
         members.extend((scope, n) for n in numbers.tolist())
 
-    def only(self) -> tuple[_Part, _Instance]:
+    def only(self) -> tuple[Part, _Instance]:
         """The part and the instance of a deck with one of each.
 
         Raises
@@ -274,36 +280,45 @@ class AbaqusDeck:
     # Layups
 
     def written(self, layup: Layup) -> tuple[dict[str, bytes], list[str]]:
-        """Copy with an include file for each part with fibres, and remarks.
+        """Copy with an include file for each part with shells, and remarks.
 
         Tables of distributions are outside of parts, as Abaqus demands.
         """
-        copy, remarks = DeckCopy(self.text), list[str]()
-        sets = {name.rpartition(".")[2].upper() for name in self.sets}
-        self._taken = self._names | sets
-        stem = self.text.files[0].path.stem
-        tables = {
-            kind: self._free(f"FIBRE_{kind.partition('3')[0]}S") for kind in _TABLES
-        }
+        copy, remarks, free = DeckCopy(self.text), list[str](), self.free_names()
+        stem, free_file = self.text.files[0].path.stem, FreeNames(set())
+        tables = {kind: free(f"FIBRE_{kind.partition('3')[0]}S") for kind in _TABLES}
         main = ["** fibres of a woven ply, by skfem_textile; lengths in mm"]
         for kind, name in tables.items():
             main += [f"*DISTRIBUTION TABLE, NAME={name}", kind]
-        files = {_file(stem, ""): main}
+        of_main = free_file(_file(stem, "")) + ".inp"
+        files = {of_main: main}
         for part in self._parts.values():
-            if not (plies := self._plies(part, layup)):
+            plies = self._plies(part, layup)
+            own = list(self._include_lines(part, plies, layup, tables, free))
+            if not own:
                 continue
-            name = _file(stem, part.name)
-            lines = files.setdefault(name, [])
-            lines += self._include_lines(part, plies, layup, tables)
+            is_flat = part is self.flat
+            name = of_main if is_flat else free_file(_file(stem, part.name)) + ".inp"
+            files.setdefault(name, []).extend(own)
             copy.insert(part.end, [f"*INCLUDE, INPUT={name}"])
             for group in self.groups(part, set(plies), layup.material):
                 remarks += group.comment_out(copy)
         if len(files) > 1:
             first = next(x.lines[0] for x in self.blocks if x.keyword == "PART")
-            copy.insert(first, [f"*INCLUDE, INPUT={_file(stem, '')}"])
+            copy.insert(first, [f"*INCLUDE, INPUT={of_main}"])
         return copy.files(files), remarks
 
-    def _plies(self, part: _Part, layup: Layup) -> dict[int, int]:
+    def free_names(self) -> "FreeNames":
+        """Names that neither the deck nor its include files use."""
+        sets = {name.rpartition(".")[2].upper() for name in self.sets}
+        return FreeNames(self._names | sets)
+
+    def has_material(self, name: str) -> bool:
+        """True if a material is defined."""
+        own = (x.parameters for x in self.blocks if x.keyword == "MATERIAL")
+        return name.upper() in {name_of(parameters, "NAME") for parameters in own}
+
+    def _plies(self, part: Part, layup: Layup) -> dict[int, int]:
         """Index of each covered element by its number, ascending.
 
         All instances of a part must have the same fibres.
@@ -325,36 +340,39 @@ class AbaqusDeck:
 
     def _include_lines(
         self,
-        part: _Part,
+        part: Part,
         plies: dict[int, int],
         layup: Layup,
         tables: dict[str, str],
+        free: "FreeNames",
     ) -> Iterator[str]:
         """Lines of the include file of a part."""
         turn = {instance.name: instance.turn for instance in part.instances}
         kinds = {x.number: x.kind for x in layup.elements if x.scope in turn}
+        left = sorted(set(kinds) - set(plies))
+        taken = ("ELSET", NOT_COVERED) in part.deck.spelled
+        name = free(NOT_COVERED) if taken else NOT_COVERED
+        yield from set_lines("ELSET", name, left)
+        if not plies:
+            return
         numbers, index = list(plies), list(plies.values())
         turns = np.array([turn[layup.elements[i].scope] for i in index])
         axes_of_part = (layup.warp[:, index], layup.across()[:, index])
         a, b = (np.einsum("nij,in->jn", turns, v) for v in axes_of_part)
-        axes, angle = self._free(_AXES), self._free(_TURN)
+        axes, angle = free(_AXES), free(_TURN)
         yield from axes_lines(axes, tables[AXES], numbers, a, b)
         weft, thick = layup.turn_of_weft()[None, index], layup.thickness[None, index]
         yield from distribution_lines(angle, tables[ANGLE], [90.0], numbers, weft)
         of_share = {}
         for share in dict.fromkeys(share for _, share in LAYERS):
-            name, rest = self._free(_LAYER), [layup.rest * share]
+            name, rest = free(_LAYER), [layup.rest * share]
             of_share[share] = name
             yield from distribution_lines(
                 name, tables[LENGTH], rest, numbers, thick * share
             )
-        left = sorted(set(kinds) - set(plies))
-        taken = ("ELSET", NOT_COVERED) in part.deck.spelled
-        name = self._free(NOT_COVERED) if taken else NOT_COVERED
-        yield from set_lines("ELSET", name, left)
         for group in self.groups(part, set(plies), layup.material):
             for members in _by_shell(group.members, kinds):
-                name, kind = self._free(_SET), kinds[members[0]]
+                name, kind = free(_SET), kinds[members[0]]
                 yield from set_lines("ELSET", name, members)
                 given = [f"ELSET={name}", f"ORIENTATION={axes}", *group.kept()]
                 yield ", ".join(["*SHELL SECTION, COMPOSITE", *given])
@@ -364,29 +382,43 @@ class AbaqusDeck:
                     own = real_word(share) if relative else of_share[share]
                     turned = "0." if family == WARP else angle
                     yield ", ".join([own, *words[:2], turned, words[2]])
-            yield from group.rest_lines(self._free)
+            yield from group.rest_lines(free)
 
     def groups(
-        self, part: _Part, covered: set[int], material: str | None
+        self, part: Part, covered: set[int], material: str | None
     ) -> Iterator["Group"]:
         """Elements of each section with fibres."""
         left = set(covered)
-        for section in part.sections:
-            with errors_about(section):
-                name = section.parameters.get("ELSET", "").encode()
-                members = set(members_of(part.deck, "ELSET", name).tolist())
-                if own := members & left:
-                    chosen = material or _material(section)
-                    rest = sorted(members - covered)
-                    yield Group(sorted(own), rest, chosen, section, material is None)
-                left -= members
+        for section, members in self.sections(part) if covered else ():
+            if own := members & left:
+                chosen = material or _material(section[0])
+                rest = sorted(members - covered)
+                yield Group(sorted(own), rest, chosen, section, material is None)
+            left -= members
         if left and material is None:
             raise MeshError(f"element {min(left)} has no section: specify the material")
         if left:
-            yield Group(sorted(left), [], str(material), None, False)
+            yield Group(sorted(left), [], str(material), [], False)
 
-    def _free(self, name: str) -> str:
-        """Name that neither the deck nor an include file uses."""
+    def sections(self, part: Part) -> Iterator[tuple[list[Block], set[int]]]:
+        """Each section with the keywords that belong to it, and its elements."""
+        for section in part.sections:
+            after = self.blocks[self.blocks.index(section) + 1 :]
+            options = takewhile(lambda x: x.keyword in _OF_SECTION, after)
+            name = section.parameters.get("ELSET", "").encode()
+            with errors_about(section):
+                members = members_of(part.deck, "ELSET", name)
+            yield [section, *options], set(members.tolist())
+
+
+class FreeNames:
+    """Gives names that are not taken, in upper case, and not given before."""
+
+    def __init__(self, taken: set[str]) -> None:
+        self._taken = taken
+
+    def __call__(self, name: str) -> str:
+        """Name, or with a number if it is taken."""
         names = (name if n == 1 else f"{name}_{n}" for n in count(1))
         free = next(x for x in names if x.upper() not in self._taken)
         self._taken.add(free.upper())
@@ -399,37 +431,54 @@ class Group(NamedTuple):
     members: list[int]
     rest: list[int]
     material: str
-    section: Block | None
+    section: list[Block]  # and keywords that belong to it; may be empty
     own: bool  # if the material is taken from the section
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """Parameters of the section."""
+        return self.section[0].parameters if self.section else {}
 
     def kept(self) -> list[str]:
         """Parameters of the section for the layers."""
-        given = self.section.parameters if self.section else {}
+        given = self.parameters
         return [f"{key}={given[key]}" for key in _KEPT if key in given]
 
-    def rest_lines(self, free: Callable[[str], str]) -> Iterator[str]:
+    def rest_name(self) -> str:
+        """Name of the set of the elements without fibres."""
+        name = re.sub(r"\W", "_", self.parameters.get("ELSET", ""))
+        return f"{NOT_COVERED}_{name}"
+
+    def rest_lines(self, free: FreeNames) -> Iterator[str]:
         """Section of the elements without fibres, and their set with a free name."""
-        if self.section is None or not self.rest:
+        if not self.section or not self.rest:
             return
-        section = self.section
-        name = re.sub(r"\W", "_", section.parameters.get("ELSET", ""))
-        pairs = {**section.parameters, "ELSET": free(f"{NOT_COVERED}_{name}")}
-        words = [f"{key}={value}" if value else key for key, value in pairs.items()]
-        yield from set_lines("ELSET", pairs["ELSET"], self.rest)
-        yield ", ".join([f"*{section.keyword}", *words])
-        for row in section.data:
-            yield ", ".join(word.decode(*UTF8) for word in row)
+        name = free(self.rest_name())
+        yield from set_lines("ELSET", name, self.rest)
+        for block in self.section:
+            pairs = dict(block.parameters)
+            if block is self.section[0]:
+                pairs["ELSET"] = name
+            words = [f"{key}={value}" if value else key for key, value in pairs.items()]
+            yield ", ".join([f"*{block.keyword}", *words])
+            for row in block.data:
+                yield ", ".join(word.decode(*UTF8) for word in row)
 
     def comment_out(self, copy: DeckCopy) -> Iterator[str]:
         """Comment out the section; yields a remark."""
-        if self.section is not None:
-            copy.comment_out(self.section.lines, "**")
-            name = excerpt(self.section.parameters.get("ELSET", ""))
+        for block in self.section:
+            copy.comment_out(block.lines, "**")
+        if self.section:
+            section, *options = self.section
+            name = excerpt(self.parameters.get("ELSET", ""))
             material = printable(self.material)
             whose = f"; layers have its material {material}" * self.own
+            lost = [key for key in _LEFT_OUT if key in self.parameters]
+            lost += [str(block) for block in options]
+            none = f"; no longer applied: {', '.join(lost)}" * bool(lost)
             yield (
-                f"{self.section} of {name} is commented out for {len(self.members)} "
-                f"element(s) with fibres{whose}"
+                f"{section} of {name} is commented out for {len(self.members)} "
+                f"element(s) with fibres{whose}{none}"
             )
 
 
@@ -445,9 +494,9 @@ def _by_shell(members: list[int], kinds: dict[int, str]) -> list[list[int]]:
 
 
 def _file(stem: str, part: str) -> str:
-    """Name of the include file of a part."""
+    """Name of the include file of a part without suffix."""
     name = "_".join(filter(None, (stem, "fibres", part)))
-    return re.sub(r"[^\w-]", "_", name) + ".inp"
+    return re.sub(r"[^\w-]", "_", name)
 
 
 def type_of(block: Block) -> str:
@@ -470,5 +519,5 @@ def _material(section: Block) -> str:
     of_layer = b"".join(layers[:1]).decode(*UTF8)
     own = section.parameters.get("MATERIAL") or of_layer
     if not own:
-        raise MeshError("the section has no material: specify the material")
+        raise MeshError(f"{section}: the section has no material: specify the material")
     return own

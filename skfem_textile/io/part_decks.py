@@ -184,8 +184,9 @@ def write_part_deck(
     the warp and two along the weft, that bend as a homogeneous sheet.  In
     Nastran and LS-DYNA, the cards of the covered elements have the angle of the warp
     and the thickness.  Warnings in the log ``skfem_textile`` list what is commented
-    out, and the elements that the ply does not cover: they keep their sections, and
-    form the set ``NOT_COVERED`` in Abaqus and OpenRadioss.
+    out, a material that is not defined, and the elements that the ply does not cover:
+    they keep their sections, and form the set ``NOT_COVERED`` of each part in Abaqus,
+    and groups with this title in OpenRadioss.
 
     Parameters
     ----------
@@ -227,6 +228,11 @@ def write_part_deck(
         if calculix and not isinstance(deck._form, AbaqusDeck):
             raise MeshError("CalculiX requires an .inp file")
         files, remarks = deck._form.written(layup)
+        if material is not None and not deck._form.has_material(material):
+            remarks.append(
+                f"the material {material} is not defined in the deck or its include "
+                "files: define it"
+            )
         if calculix:
             try:
                 name = f"{path.stem}_ccx.inp"

@@ -1,6 +1,7 @@
 """Decks for CalculiX: a plate with a woven ply vibrates as laminate theory says."""
 
 import os
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -17,7 +18,7 @@ SIDE, REST, DENSITY = 100.0, 0.5, 1.5e-9  # mm, mm, t/mm³
 E1, E2, NU, G = 130e3, 10e3, 0.3, 5e3  # N/mm²
 
 
-def plate(path, n):
+def plate(path, n, reverse=True):
     """A plate of n × n elements on supports; two are triangles, others reversed."""
     s = np.linspace(0, SIDE, n + 1).tolist()
     number = 1001 + 3 * np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
@@ -27,7 +28,9 @@ def plate(path, n):
     for i, j in np.ndindex(n, n):
         x = [number[i, j], number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]]
         cells = (
-            [x[:3], [x[0], *x[2:]]] if i == j == 2 else [x[:: 1 - 2 * ((i + j) % 2)]]
+            [x[:3], [x[0], *x[2:]]]
+            if i == j == 2
+            else [x[:: -1 if reverse and (i + j) % 2 else 1]]
         )
         for cell in cells:
             row = ", ".join(map(str, [label, *cell]))
@@ -152,6 +155,93 @@ def test_shells_are_raised_to_quadratic_ones_in_classes(tmp_path):
     expected = [E1, E2, E2, NU, 0, 0, G, G]
     assert [float(x) for x in constants[0].split(", ")] == expected
     assert "\n*ELASTIC, TYPE=LAMINA" not in text
+
+
+def isotropic(path, n):
+    """The plate of an isotropic material that is as thick as the ply."""
+    plate(path, n, reverse=False)
+    text = path.read_text().replace("\n0.9\n", f"\n{REST}\n")
+    text = text.replace("*ELASTIC, TYPE=LAMINA", "*ELASTIC")
+    path.write_text(re.sub(rf"\n{E1}.*", "\n70e3, 0.3", text))
+    return read_part_deck(path)
+
+
+def covering(mesh, mask):
+    """Fibres along x and y in some elements."""
+    fibres, none = woven(mesh, 0.0, np.pi / 2), np.where(mask, 0.0, np.nan)
+    axes = {"warp": fibres.warp + none, "weft": fibres.weft + none}
+    return replace(fibres, **axes, shear_angle=fibres.shear_angle + none)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="requires CalculiX")
+def test_frequencies_of_an_isotropic_plate_do_not_depend_on_the_covered_part(tmp_path):
+    deck, found = isotropic(tmp_path / "plate.inp", 8), []
+    x, y, _ = deck.mesh.centres()
+    for mask in (x > 0, x < 40, np.hypot(x - 50, y - 50) < 30, (x + y) % 25 < 12):
+        fibres = covering(deck.mesh, mask)
+        write_part_deck(tmp_path / "out", deck, fibres, REST, calculix=True)
+        found.append(solved(tmp_path / "out"))
+    np.testing.assert_allclose(found, found[0], rtol=5e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="requires CalculiX")
+def test_a_thick_section_elsewhere_does_not_change_the_frequency(tmp_path):
+    """Though plies are filled to its thickness."""
+    path, found = tmp_path / "plate.inp", []
+    isotropic(path, 8)
+    text, corners = path.read_text(), ["200, 0", "210, 0", "210, 10", "200, 10"]
+    far = ["*NODE, NSET=FAR", *(f"{9001 + i}, {x}, 0" for i, x in enumerate(corners))]
+    far += ["*ELEMENT, TYPE=S4, ELSET=FAR", "9001, 9001, 9002, 9003, 9004"]
+    far += ["*BOUNDARY", "FAR, 1, 3", "*SHELL SECTION, ELSET=FAR, MATERIAL=CFRP"]
+    for thick in (REST, 20.0):
+        own = "\n".join([*far, f"{thick}", "*NSET, NSET=EDGE"])
+        path.write_text(text.replace("*NSET, NSET=EDGE", own))
+        deck = read_part_deck(path)
+        fibres = covering(deck.mesh, deck.labels != 9001)
+        write_part_deck(tmp_path / "out", deck, fibres, REST, calculix=True)
+        found.append(solved(tmp_path / "out"))
+    assert found[1] == pytest.approx(found[0], rel=1e-3)
+
+
+def test_all_sections_are_filled_to_one_thickness(tmp_path):
+    """Of as many layers; with names that the deck does not have."""
+    deck = isotropic(tmp_path / "plate.inp", 3)
+    text = deck.path.read_text()
+    names = ["FILLING", "CLASS_0_0", "NOT_COVERED_SKIN"]
+    own = [
+        f"*MATERIAL, NAME={names[0]}",
+        *(f"*ELSET, ELSET={x}\n5001" for x in names[1:]),
+    ]
+    deck.path.write_text(text.replace("*STEP", "\n".join([*own, "*STEP"])))
+    deck = read_part_deck(deck.path)
+    mask = deck.mesh.centres()[0] < 40
+    thick = np.full(mask.size, 0.3)
+    fibres = covering(deck.mesh, mask)
+    write_part_deck(tmp_path / "out", deck, fibres, thick, calculix=True)
+    text = (tmp_path / "out" / "plate_ccx.inp").read_text()
+    sections = text.split("*SHELL SECTION, COMPOSITE, ELSET=")[1:]
+    assert len(sections) == 2
+    for section in sections:
+        name, *rows = section.split("\n*")[0].strip().splitlines()
+        assert name not in names
+        layers = [row.split(", ") for row in rows]
+        assert [row[2] for row in layers] == ["FILLING_2", *4 * ["CFRP"], "FILLING_2"]
+        assert sum(float(row[0]) for row in layers) == pytest.approx(1.01 * REST)
+    assert len(set(re.findall(r"\n\*ELSET, ELSET=(.*)", text))) == 4
+
+
+def test_a_section_that_is_not_filled_is_reported(tmp_path, caplog):
+    deck = isotropic(tmp_path / "plate.inp", 3)
+    text = deck.path.read_text()
+    deck.path.write_text(text.replace("ELSET=SKIN, MAT", "ELSET=SKIN, OFFSET=0.5, MAT"))
+    deck = read_part_deck(deck.path)
+    fibres = covering(deck.mesh, deck.mesh.centres()[0] < 40)
+    write_part_deck(tmp_path / "out", deck, fibres, REST, calculix=True)
+    assert "*SHELL SECTION of SKIN keeps its thickness for CalculiX" in caplog.text
+    text = (tmp_path / "out" / "plate_ccx.inp").read_text()
+    assert "*SHELL SECTION, ELSET=NOT_COVERED_SKIN, OFFSET=0.5, MATERIAL=CFRP" in text
 
 
 def in_assembly(path, angle):

@@ -504,6 +504,57 @@ def test_no_file_of_the_deck_is_overwritten(tmp_path, folder):
     assert {x: x.read_bytes() for x in tmp_path.rglob("*.*")} == before
 
 
+def test_options_of_a_section_are_commented_out_with_it(tmp_path, caplog):
+    """They and its orientation stay with the elements without fibres."""
+    head = "*Shell Section, elset=Häut, material=CFRP, orientation=O"
+    more = ["*Transverse Shear Stiffness", "1., 1., 0.", "*Hourglass Stiffness", "2."]
+    lines = ["*Orientation, name=O", "1., 0., 0., 0., 1., 0.", head, "0.9", *more]
+    path = written_deck(tmp_path, *NODES, *QUADS, *lines, "*Material, name=CFRP")
+    read = read_part_deck(path)
+    fibres = straight(read.mesh, [True, False])
+    files = write_part_deck(tmp_path / "out", read, fibres, 0.4)
+    copy = files[0].read_text().splitlines()
+    assert copy[-8:-2] == ["**" + x for x in lines[2:]]
+    assert files[1].read_text().splitlines()[-6:] == [
+        "*SHELL SECTION, ELSET=NOT_COVERED_Häut, MATERIAL=CFRP, ORIENTATION=O",
+        *("0.9", more[0].upper(), more[1], more[2].upper(), more[3]),
+    ]
+    assert caplog.messages[0].endswith(
+        "; no longer applied: ORIENTATION, *TRANSVERSE SHEAR STIFFNESS, "
+        "*HOURGLASS STIFFNESS"
+    )
+
+
+def parts_of_abaqus(folder, *names):
+    """Deck with an instance of each part."""
+    lines = []
+    for name in names:
+        lines += [f'*Part, name="{name}"', *NODES, *QUADS, *SECTION, "*End Part"]
+    lines.append("*Assembly, name=All")
+    for k, name in enumerate(names):
+        lines += [f'*Instance, name=I{k}, part="{name}"', f"0., 0., {9 * k}."]
+        lines.append("*End Instance")
+    return read_part_deck(written_deck(folder, *lines, "*End Assembly"))
+
+
+def test_parts_with_similar_names_have_files_of_their_own(tmp_path):
+    read = parts_of_abaqus(tmp_path, "A B", "A_B", "A_B_2")
+    files = write_part_deck(tmp_path / "out", read, straight(read.mesh), 0.4)
+    names = ["a_fibres_A_B.inp", "a_fibres_A_B_2.inp", "a_fibres_A_B_2_2.inp"]
+    assert [x.name for x in files[2:-1]] == names
+    includes = [x for x in files[0].read_text().splitlines() if "INCLUDE" in x]
+    assert includes[1:] == [f"*INCLUDE, INPUT={name}" for name in names]
+
+
+def test_uncovered_elements_are_listed_by_part_and_in_a_set_of_each(tmp_path, caplog):
+    read = parts_of_abaqus(tmp_path, "P", "Q")
+    fibres = straight(read.mesh, [False, True, False, False])
+    write_part_deck(tmp_path / "out", read, fibres, 0.4)
+    assert caplog.messages[-1].endswith("cover element(s) 11 of I0; 11, 7 of I1")
+    lines = (tmp_path / "out" / "a_fibres_Q.inp").read_text().splitlines()
+    assert lines == ["*ELSET, ELSET=NOT_COVERED", "7, 11"]
+
+
 # Other decks
 
 TRIANGLE = ["GRID,1,,0.,0.,0.", "GRID,2,,1.,0.,0.", "GRID,3,,0.,1.,0."]
@@ -557,6 +608,21 @@ def test_each_property_of_openradioss_has_a_stack(tmp_path, caplog):
     assert [lines[i + 2].strip() for i in stacks] == ["21", "22"]
     assert lines[-2:] == ["NOT_COVERED", radioss_column(103)]
     assert caplog.messages[-1].endswith("does not cover element(s) 103 of part 3")
+
+
+def test_a_material_that_is_not_defined_is_reported(tmp_path, caplog):
+    """In Abaqus and OpenRadioss; case does not count."""
+    path = written_deck(tmp_path, *NODES, *QUADS, "*Material, name=Cloth")
+    decks = read_part_deck(path), radioss_parts(tmp_path, 1)
+    for read, own in zip(decks, ("CLOTH", "5"), strict=True):
+        for material in (own, "7"):
+            fibres = straight(read.mesh)
+            write_part_deck(tmp_path / "out", read, fibres, 0.4, material)
+    assert [x for x in caplog.messages if "/PROP/" not in x] == [
+        f"{read.path}: the material 7 is not defined in the deck or its include files: "
+        "define it"
+        for read in decks
+    ]
 
 
 def test_numbers_of_nastran_have_exponents_without_letters(tmp_path):
