@@ -137,18 +137,24 @@ def _sections(
     for k, group in enumerate(deck.groups(part, set(plies), layup.material)):
         lines += _classes(group, plies, layup, f"CLASS_{k}", free, filling)
         list(group.comment_out(copy))
+        if "OFFSET" in group.parameters:
+            remarks.append(f"{_named(group)}: its layers have no OFFSET in CalculiX")
     for group, thick in rest:
         if thick > 0:
             lines += _filled(group, thick, free, filling)
             list(group.comment_out(copy))
             continue
         lines += group.rest_lines(free) if group.members else ()
-        name = excerpt(group.parameters.get("ELSET", ""))
         remarks.append(
-            f"{group.section[0]} of {name} keeps its thickness for CalculiX, which "
-            "makes nodes rigid where the thickness changes"
+            f"{_named(group)} keeps its thickness for CalculiX, which makes nodes "
+            "rigid where the thickness changes"
         )
     return lines, remarks
+
+
+def _named(group: Group) -> str:
+    """Section of a group with its set."""
+    return f"{group.section[0]} of {excerpt(group.parameters.get('ELSET', ''))}"
 
 
 def _rename(copy: DeckCopy, lines: list[str], instance: str) -> None:

@@ -240,6 +240,7 @@ def test_a_section_that_is_not_filled_is_reported(tmp_path, caplog):
     fibres = covering(deck.mesh, deck.mesh.centres()[0] < 40)
     write_part_deck(tmp_path / "out", deck, fibres, REST, calculix=True)
     assert "*SHELL SECTION of SKIN keeps its thickness for CalculiX" in caplog.text
+    assert "of SKIN: its layers have no OFFSET in CalculiX" in caplog.text
     text = (tmp_path / "out" / "plate_ccx.inp").read_text()
     assert "*SHELL SECTION, ELSET=NOT_COVERED_SKIN, OFFSET=0.5, MATERIAL=CFRP" in text
 
