@@ -217,7 +217,19 @@ def write_part_deck(
     OSError
         If a file cannot be written.
     """
-    folder, path = Path(folder), deck.path
+    return written_part_deck(folder, deck, fibres, thickness, material, calculix)[0]
+
+
+def written_part_deck(
+    folder: str | os.PathLike[str],
+    deck: PartDeck,
+    fibres: FibresInSpace,
+    thickness: float | ndarray,
+    material: str | None = None,
+    calculix: bool = False,
+) -> tuple[list[Path], str]:
+    """Files of `write_part_deck`, and why a requested one for CalculiX is missing."""
+    folder, path, no_calculix = Path(folder), deck.path, ""
     layup = _layup(folder, deck, fibres, thickness, material)
     with errors_about(path):
         if calculix and not isinstance(deck._form, AbaqusDeck):
@@ -230,7 +242,8 @@ def write_part_deck(
                 written[-1].write_bytes(variant[0])
                 remarks += variant[1]
             except MeshError as error:
-                remarks.append(f"not written for CalculiX: {error}")
+                no_calculix = str(error)
+                remarks.append(f"not written for CalculiX: {no_calculix}")
     written.append(folder / f"{path.stem}_fibres.vtu")
     write_fibres(written[-1], fibres)
     left = deck.labels[~layup.covered]
@@ -240,7 +253,7 @@ def write_part_deck(
         remarks.append(f"the ply does not cover element(s) {listed}{more}")
     for remark in remarks:
         log.warning("%s: %s", printable(path), remark)
-    return written
+    return written, no_calculix
 
 
 def _layup(
