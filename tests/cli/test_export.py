@@ -200,15 +200,12 @@ def test_an_export_replaces_what_it_writes_and_nothing_else(formed, capsys):
         assert after[name] == before[name]
     assert decks["deck/one.inp"] == sorted(others)
     assert {*after} >= {*decks["deck/two.inp"]}
-    part = "--part-mesh", str(formed / "part.stl")
-    assert cli.main(["export", str(formed / "out"), *part]) == 0
-    patterns = [name for name in after if name.startswith("pattern")]
-    assert all(contents(formed)[name] == after[name] for name in patterns)
     capsys.readouterr()
     assert exported(formed, one) == 0
     assert "removed from an earlier run: deck/one_ccx.inp" in capsys.readouterr().out
-    gone = {*after} - {*contents(formed)}
-    assert gone == {"deck/one_ccx.inp"}
+    last = contents(formed)
+    assert {*after} - {*last} == {"deck/one_ccx.inp"}
+    assert all(last[name] == after[name] for name in ("pattern.csv", "pattern.svg"))
     assert "deck/one_ccx.inp" not in figures(formed)["deck_files"]["deck/one.inp"]
 
 
@@ -264,21 +261,26 @@ def test_a_requested_dxf_requires_its_package(formed, command, capsys, monkeypat
     assert "a .dxf of the pattern requires ezdxf" in rejected(capsys, *words)
 
 
-def test_a_refused_curve_is_named(formed, capsys):
-    """And the outline of a pattern comes first."""
+@pytest.mark.parametrize(
+    ("scales", "text"),
+    [
+        ([1.0, 90.0], "curve_1.csv: flat pattern: the ply does not lie on"),
+        ([0.2, 1.0], "specify the outline first, then its holes"),
+    ],
+)
+def test_a_refused_curve_is_named(formed, capsys, scales, text):
     sheet, words = read_result(formed / "out").sheet(), ["export", str(formed / "out")]
-    for name, scale in ("rim.csv", 1.0), ("cut.csv", 0.2), ("away.csv", 90.0):
+    files = [str(formed / f"curve_{i}.csv") for i in range(len(scales))]
+    for file, scale in zip(files, scales, strict=True):
         x = np.vstack([scale * RING, 0 * t])
         x = x if scale > 1 else sheet.points(sheet.at(x, 10.0))
-        np.savetxt(formed / name, x.T, delimiter=",", header="x,y,z", comments="")
-    for trim, text in (
-        (["rim.csv", "away.csv"], "away.csv: flat pattern: the ply does not lie on"),
-        (["cut.csv", "rim.csv"], "specify the outline first, then its holes"),
-    ):
-        files = [str(formed / name) for name in trim]
-        assert cli.main([*words, "--trim", *files]) == 1
-        assert text in capsys.readouterr().err
-    large = formed / "large.stl"
+        np.savetxt(file, x.T, delimiter=",", header="x,y,z", comments="")
+    assert cli.main([*words, "--trim", *files]) == 1
+    assert text in capsys.readouterr().err
+
+
+def test_a_refused_boundary_of_a_part_is_named(formed, capsys):
+    words, large = ["export", str(formed / "out")], formed / "large.stl"
     x, cells = graph(np.linspace(-90, 90, 7), lambda x, y: 0 * x)
     meshio.Mesh(x.T, [("triangle", cells.T)]).write(large)
     reach = "--part-reach", "20", "--pattern", "csv"
