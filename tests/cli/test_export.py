@@ -13,7 +13,7 @@ from skfem_textile import Outline, drape
 from skfem_textile.cases import case_from_file, read_result
 from skfem_textile.cases.finished import read_summary
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.export import decks_in
+from skfem_textile.cli.export import PartExport, decks_in
 from skfem_textile.io import write_pattern
 from skfem_textile.mesh.checks import MeshError
 from tests.helpers import graph
@@ -225,6 +225,14 @@ def test_an_export_that_fails_leaves_earlier_ones(formed, capsys):
     reasons = {name: after.pop(name) for name in ("part", "deck")}
     assert all("earlier export" in reason for reason in reasons.values())
     assert after == {name: x for name, x in summary.items() if name != "deck"}
+
+
+def test_a_reason_stays_until_its_export_is_written():
+    no_part = {"first": [], "part": "not written: x"}
+    summary = {**no_part, "pattern": "not written: y"}
+    written = PartExport.added(summary, {"pattern_area_mm2": 1.0})
+    written.pop("first")
+    assert written == {"part": "not written: x", "pattern_area_mm2": 1.0}
 
 
 def test_an_export_does_not_replace_a_file_of_another_deck(formed):
