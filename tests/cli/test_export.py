@@ -261,11 +261,13 @@ def test_a_missing_deck_for_calculix_is_reported(formed, capsys, monkeypatch):
     assert "calculix" not in figures(formed)
 
 
-@pytest.mark.parametrize("command", ["export out", "net --tool part.stl --out net"])
+@pytest.mark.parametrize(
+    "command", ["export out --part-mesh part.stl", "net --tool part.stl --out net"]
+)
 def test_a_requested_dxf_requires_its_package(formed, command, capsys, monkeypatch):
     monkeypatch.chdir(formed)
     monkeypatch.setitem(sys.modules, "ezdxf", None)
-    words = *command.split(), "--part-mesh", "part.stl", "--pattern", "dxf"
+    words = *command.split(), "--pattern", "dxf"
     assert "a .dxf of the pattern requires ezdxf" in rejected(capsys, *words)
 
 
