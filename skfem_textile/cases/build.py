@@ -561,11 +561,16 @@ def _with_directions(
 def _warn_of_other_directions(
     file: CaseFile, laws: Fabric, scene: "Scene", used: Fabric
 ) -> None:
-    """Warn if the file of the fabric states directions that the run does not use."""
+    """Warn if the file of the fabric states directions that the run does not use.
+
+    A file that states none has the default directions, too.
+    """
     fabric, other = str(file.fabric.file), file.mesh.directions
     is_deck = Path(fabric).suffix.lower() != ".json"
-    if is_deck and isinstance(laws.warp, tuple):
-        return  # without orientations of elements
+    stated: Any = laws.warp, laws.weft
+    default: Any = Fabric.warp, Fabric.weft
+    if np.array_equal(stated, default):
+        return
     if not _has_other_directions(laws, scene, used):
         return
     how = (

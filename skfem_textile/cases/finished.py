@@ -1,8 +1,11 @@
 """Results of finished runs, read from their folders."""
 
 import json
+import logging
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +21,15 @@ from ..ply import Ply
 from ..scenes.scene import Case
 from .build import case_from_file
 from .write import CASE, WRITTEN
+
+# Name of the folder of a checkpoint in a results folder, by default.
+_CHECKPOINT = "checkpoint"
+
+# A file of every net.
+_OF_NET = "net.vtu"
+
+# Name of the list of states.
+_SERIES = "steps.pvd"
 
 # A state in the list of a .pvd file.
 _STEP = re.compile(r'timestep="([^"]+)" file="([^"]+)"')
@@ -65,7 +77,8 @@ class FinishedRun:
 def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
     """Read the last state of a run from its results folder, without computing it again.
 
-    Forces and fields stay in the files of the folder.
+    Forces and fields stay in the files of the folder.  If ``fields`` is missing, the
+    state is the last one of the checkpoint in the folder, which is validated.
 
     Parameters
     ----------
@@ -75,8 +88,9 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
     Raises
     ------
     ValueError
-        If a file is missing, damaged or of another run, or if the elements have nodes
-        that the files do not contain, as quadratic elements do; one line names it.
+        If a file is missing, damaged or of another run, if the elements have nodes
+        that the files do not contain, as quadratic elements do, or if the folder
+        contains a net or a run that has not ended; one line names it.
     OSError
         If a file cannot be read.
 
@@ -92,11 +106,17 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
     (3, 81)
     """
     folder = Path(folder)
+    _refuse_other_folder(folder)
     text = content_of(folder / CASE)
     if not text.startswith(WRITTEN):
         raise ValueError(f"{printable(folder / CASE)} was not written by a run")
-    case, file, load_factor = case_from_file(folder / CASE), *_last(folder / "fields")
-    summary, ply = read_summary(folder), case.ply()
+    with unlogged():
+        case = case_from_file(folder / CASE)
+        ply = case.ply()
+    summary = read_summary(folder)
+    if not (folder / "fields" / _SERIES).exists():
+        return FinishedRun(case, ply, *_last_saved(case, folder), summary)
+    file, load_factor = _last(folder / "fields")
     X, moves = _displacement(file)
     axes, mesh = case.scene.axes, ply.mesh
     flat = axes.of_tool(np.pad(mesh.p, ((0, 1), (0, 0))))
@@ -114,6 +134,36 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
     return FinishedRun(case, ply, moves.T.ravel(), load_factor, summary)
 
 
+@contextmanager
+def unlogged() -> Iterator[None]:
+    """Omit warnings in the log that a run has given before."""
+    log = logging.getLogger("skfem_textile")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+
+
+def _refuse_other_folder(folder: Path) -> None:
+    """Refuse the folder of a net, a checkpoint, or a run that has not ended."""
+    if (folder / CASE).exists():
+        return
+    if (folder / _OF_NET).is_file():
+        raise ValueError(
+            f"{printable(folder)} is the folder of a net, not of a run: `net` itself "
+            "writes net.html, and exports with --part-mesh, --deck and --trim; in "
+            "Python use drape.Sheet.of_net"
+        )
+    for checkpoint in folder / _CHECKPOINT, folder:
+        if (checkpoint / "run.npz").is_file():
+            raise ValueError(
+                f"{printable(checkpoint)} is a checkpoint without the case of its run: "
+                "end this run with --resume, and name the folder of its --out"
+            )
+
+
 def read_summary(folder: Path) -> dict[str, Any]:
     """Read ``summary.json`` of a run.
 
@@ -122,6 +172,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
     ValueError
         If it is missing, damaged or not the summary of a run.
     """
+    _refuse_other_folder(folder)
     file = folder / "summary.json"
     try:
         summary = json.loads(content_of(file))
@@ -146,9 +197,31 @@ def content_of(file: Path) -> str:
         ) from None
 
 
+def _last_saved(case: Case, folder: Path) -> tuple[ndarray, float]:
+    """Displacement and load factor of the last state of a checkpoint."""
+    with unlogged():
+        stepper = case.stepper(folder / _CHECKPOINT)
+    from ..solve.checkpoint import Replay
+
+    checkpoint = stepper.checkpoint
+    assert checkpoint is not None
+    try:
+        saved = checkpoint.load(
+            Replay(stepper.problem, guessed=stepper.initial_guess is not None)
+        )
+    finally:
+        checkpoint.release()
+    if saved is None:
+        raise ValueError(
+            f"{printable(folder)} contains neither fields/{_SERIES} nor a checkpoint "
+            f"in the folder {_CHECKPOINT}: run the case again, with --checkpoint"
+        )
+    return saved.states[-1].u, saved.states[-1].load_factor
+
+
 def _last(folder: Path) -> tuple[Path, float]:
     """File of the last state, and its load factor."""
-    series = folder / "steps.pvd"
+    series = folder / _SERIES
     listed = _STEP.findall(content_of(series))
     if not listed:
         raise ValueError(f"{printable(series)} lists no states: run the case again")

@@ -1,9 +1,11 @@
 """Fibres in the part and flat patterns, of a run or of a finished one."""
 
 import argparse
+import filecmp
 import json
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+import shutil
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from glob import escape
 from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar
@@ -17,12 +19,13 @@ from ..cases.finished import read_result
 from ..cases.read import converted
 from ..cases.schema import PATTERN_KINDS, Output
 from ..io.file_numbers import errors_about
+from ..io.part_decks import written_part_deck
 from ..io.tools import refuse_unit_of_part
 from ..mesh.checks import MeshError
 from ..mesh.graph import components, edges_of
 from ..mesh.requirements import is_installed, lacks, require
 from ..mesh.user_input import printable
-from ..nets.flat_pattern import FlatPattern, flat_pattern
+from ..nets.flat_pattern import FlatPattern, flat_pattern, refuse_holes
 from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
 from ..solve.quantities import Quantity, first_rows
 from ..surfaces.tool_mesh import ToolMesh
@@ -47,6 +50,7 @@ _NOT = "not written"
 _FIRST = (
     Quantity("Part", "part"),
     Quantity("Deck", "deck"),
+    Quantity("Deck for CalculiX", "calculix"),
     Quantity(
         *("Part covered", "part_covered_share_of_elements", "%"),
         note=" of its elements",
@@ -59,6 +63,9 @@ _FIRST = (
 def run(options: argparse.Namespace) -> int:
     """Export the ply of a finished run into its folder; returns the exit code.
 
+    Files of earlier exports stay, except the files that this export writes, and files
+    of the same deck that it no longer writes.
+
     Raises
     ------
     ValueError
@@ -69,6 +76,8 @@ def run(options: argparse.Namespace) -> int:
     export = PartExport.of_options(options)
     if not export:
         raise ValueError("nothing to export: specify --part-mesh, --deck or --trim")
+    if export.output.trim is None and export.output.pattern is None:
+        export = replace(export, curves=(), no_curves="")
     finished = read_result(options.folder)
     if finished.case.scene.dimension == 2:
         raise ValueError(
@@ -77,11 +86,17 @@ def run(options: argparse.Namespace) -> int:
         )
     what = "" if finished.summary.get("converged") else "the run stopped early"
     export.refuse_folder(options.folder)
-    out = ResultFolder(
-        options.folder, ("summary.json", *export.files(finished.summary))
-    )
+    decks = _decks(finished.summary)
+    own = decks.pop(export.copy, [])
+    others = {name: options.folder / name for names in decks.values() for name in names}
+    export = replace(export, others=others)
+    old = [escape(name) for name in own if name not in others]
+    files = (name for names in export.names.values() for name in names)
+    out = ResultFolder(options.folder, ("summary.json", *files, *old))
     with held(), out as folder:
         figures = export.write(finished.sheet(), what, folder)
+        out.stale = old if "deck_files" in figures else ()
+        figures |= export.earlier(figures, options.folder)
         summary = export.added(finished.summary, figures)
         io.write_summary(summary, folder / "summary.json")
     say_rows(first_rows({**figures, "first": [one.declared() for one in _FIRST]}))
@@ -93,23 +108,38 @@ def run(options: argparse.Namespace) -> int:
 
 
 def decks_in(folder: Path) -> tuple[str, ...]:
-    """Files of the deck that an earlier export wrote into a folder."""
+    """Glob patterns of the files of decks that exports wrote into a folder."""
     try:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        return _deck_files(summary)
+        decks = _decks(summary)
     except (OSError, ValueError, AttributeError, TypeError):
         return ()
+    return tuple({escape(name): None for names in decks.values() for name in names})
 
 
-def _deck_files(summary: Mapping[str, Any]) -> tuple[str, ...]:
-    """Glob patterns of the files below the folder of the deck, and of no others."""
-    names = map(str, summary.get("deck_files", ()))
-    parts = ((name, PurePosixPath(name).parts) for name in names)
-    return tuple(
-        escape(name)
-        for name, path in parts
-        if path[:1] == (_DECK,) and ".." not in path[1:]
-    )
+def _decks(summary: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Files of each deck in a summary: below the folder of decks, and no others."""
+    listed = summary.get("deck_files")
+    if not isinstance(listed, Mapping):
+        return {}
+    return {
+        deck: [name for name in map(str, names) if _is_below(PurePosixPath(name))]
+        for deck, names in listed.items()
+        if isinstance(names, list)
+    }
+
+
+def _is_below(path: PurePosixPath) -> bool:
+    """True for a path below the folder of decks."""
+    return path.parts[:1] == (_DECK,) and ".." not in path.parts
+
+
+def _remove(path: Path) -> None:
+    """Remove a file or folder of an export that was not completed."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def write_patterns(
@@ -133,7 +163,8 @@ class PartExport:
     ``output`` names the files and parameters, ``part`` and ``deck`` are what they
     contain. ``curves`` are closed, each (3, n): the curves of ``output.trim``, the
     outline, then holes, or the boundary of the part; ``no_curves`` is the reason why
-    there are none.
+    there are none. ``others`` are the files of other decks in the folder, by the names
+    of files that `write` may write.
     """
 
     output: Output
@@ -141,16 +172,17 @@ class PartExport:
     deck: io.PartDeck | None = None
     curves: Sequence[ndarray] = ()
     no_curves: str = ""
+    others: Mapping[str, Path] = field(default_factory=dict)
     all_files: ClassVar[tuple[str, ...]] = (*_PART, *PATTERN)
 
     @classmethod
     def read(cls, output: Output) -> "PartExport":
         """Read the part and the curves that a case names."""
         own, trim = output.part_mesh, output.trim
-        if not (own or output.deck or trim):
-            return cls(output)
         if "dxf" in (output.pattern or ()):
             require("a .dxf of the pattern", "dxf", "ezdxf")
+        if not (own or output.deck or trim):
+            return cls(output)
         mesh = None if own is None else io.read_tool_mesh(own)
         deck = None if output.deck is None else io.read_part_deck(output.deck)
         of_deck = None if deck is None else deck.mesh
@@ -165,8 +197,7 @@ class PartExport:
         try:
             return replace(export, curves=export.part.boundary())
         except MeshError as error:
-            name = printable(own or output.deck)
-            return replace(export, no_curves=f"{name}: {error}")
+            return replace(export, no_curves=f"{export.named}: {error}")
 
     @classmethod
     def of_options(
@@ -208,12 +239,22 @@ class PartExport:
                     "folder: move the file"
                 )
 
-    def files(self, summary: Mapping[str, Any]) -> tuple[str, ...]:
-        """Files that `write` replaces, of an export with this summary."""
-        names = [*_PART] if self.part else []
-        names += [*PATTERN] if self.has_curves else []
-        names += _deck_files(summary) if self.deck else ()
-        return tuple(names)
+    @property
+    def named(self) -> str:
+        """File of the part."""
+        return printable(self.output.part_mesh or self.output.deck)
+
+    @property
+    def copy(self) -> str:
+        """Name of the copy of the deck; empty if there is none."""
+        return f"{_DECK}/{self.deck.path.name}" if self.deck else ""
+
+    @property
+    def names(self) -> dict[str, tuple[str, ...]]:
+        """Glob patterns of the files of each kind of export."""
+        names = {"part": _PART, "deck": (escape(self.copy),), "pattern": PATTERN}
+        given = {"part": self.part, "deck": self.deck, "pattern": self.has_curves}
+        return {kind: files for kind, files in names.items() if given[kind]}
 
     def write(self, sheet: Sheet, reason: str, folder: Path) -> dict[str, Any]:
         """Write the exports; returns figures, and the reason for each missing export.
@@ -222,23 +263,47 @@ class PartExport:
         from it; empty if there is one.
         """
         figures: dict[str, Any] = {}
-        writers = self._fibres, self._with_layers, self._pattern
-        for what, write in zip(("part", "deck", "pattern"), writers, strict=True):
+        writers: dict[str, Callable[[Sheet, Path], dict[str, Any]]] = {
+            "part": self._fibres,
+            "deck": self._with_layers,
+            "pattern": self._pattern,
+        }
+        for kind, names in self.names.items():
             try:
                 if reason:
                     raise ValueError(reason)
-                figures |= write(sheet, folder)
+                figures |= writers[kind](sheet, folder)
             except ValueError as error:
-                figures[what] = f"{_NOT}: {error}"
+                figures[kind] = f"{_NOT}: {error}"
+                for name in (_DECK,) if kind == "deck" else names:
+                    _remove(folder / name)
         return figures
+
+    def earlier(self, figures: Mapping[str, Any], out: Path) -> dict[str, str]:
+        """Reasons for missing exports of which a folder has files of earlier ones."""
+        return {
+            kind: f"{figures[kind]}; the files of an earlier export stay"
+            for kind, names in self.names.items()
+            if _NOT in str(figures.get(kind, ""))
+            and any(any(out.glob(name)) for name in names)
+        }
 
     @staticmethod
     def added(summary: Mapping[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
         """Summary of a run with the figures of `write`, which are printed too."""
         own = [quantity.declared() for quantity in _FIRST]
         first = [one for one in summary["first"] if one not in own]
-        kept = {k: x for k, x in summary.items() if not str(x).startswith(_NOT)}
-        return {**kept, **figures, "first": [*first, *(own if figures else ())]}
+        decks = _decks(summary) | figures.get("deck_files", {})
+        kinds = ("part", "deck", "pattern")
+        again = [k for k in kinds if any(name.startswith(k) for name in figures)]
+        again += ["calculix"] if "deck" in again else []
+        kept = {k: x for k, x in summary.items() if k not in again}
+        return {
+            **kept,
+            **figures,
+            **({"deck_files": decks} if decks else {}),
+            "first": [*first, *(own if figures else ())],
+        }
 
     def missing(self, figures: Mapping[str, Any]) -> list[str]:
         """Requested exports that `write` has not written, with reasons."""
@@ -247,14 +312,14 @@ class PartExport:
             "part": self.part is not None,
             "pattern": self.has_curves and (output.pattern or output.trim) is not None,
             "deck": self.deck is not None,
+            "calculix": output.calculix,
         }
         requested = (what for what, holds in is_requested.items() if holds)
         reasons = {what: str(figures.get(what, "")) for what in requested}
         return [f"{k}: {text}" for k, text in reasons.items() if _NOT in text]
 
     def _fibres(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
-        if self.part is None:
-            return {}
+        assert self.part is not None  # see `names`
         fibres = self._on(sheet, self.part)
         for name in _PART:
             io.write_fibres(folder / name, fibres)
@@ -283,36 +348,45 @@ class PartExport:
         return ToolMesh(points, tuple(cell[:, kept[cell[0]]] for cell in cells))
 
     def _with_layers(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
-        if self.deck is None:
-            return {}
+        assert self.deck is not None  # see `names`
         thickness = self.output.thickness_mm
         assert thickness is not None  # see `refuse_incomplete`
-        (folder / _DECK).mkdir()
-        files = io.write_part_deck(
+        _, no_calculix = written_part_deck(
             *(folder / _DECK, self.deck, self._on(sheet, self.deck.mesh)),
-            thickness=thickness,
-            material=self.output.material,
-            calculix=self.output.calculix,
+            *(thickness, self.output.material, self.output.calculix),
         )
         written = (file for file in (folder / _DECK).rglob("*") if file.is_file())
         names = sorted(file.relative_to(folder).as_posix() for file in written)
-        return {"deck": files[0].relative_to(folder).as_posix(), "deck_files": names}
+        for name in filter(self.others.__contains__, names):
+            other = self.others[name]
+            if other.is_file() and not filecmp.cmp(folder / name, other, shallow=False):
+                raise ValueError(
+                    f"{printable(name)} would replace a file of another deck in this "
+                    "folder: move that deck, or rename the file"
+                )
+        of_calculix = {"calculix": f"{_NOT}: {no_calculix}"} if no_calculix else {}
+        return {"deck": self.copy, "deck_files": {self.copy: names}, **of_calculix}
 
     def _pattern(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.no_curves:
             raise ValueError(self.no_curves)
-        if not self.curves:
-            return {}
-        if self.output.trim is not None:
-            outer, *holes = self.curves
-            reach = self.output.part_reach_mm
-            patterns = [flat_pattern(sheet, outer, holes=holes, reach=reach)]
+        trim, reach = self.output.trim, self.output.part_reach_mm
+        if trim is not None:
+            found = []
+            files = (trim,) if isinstance(trim, str) else trim
+            for file, curve in zip(files, self.curves, strict=True):
+                with errors_about(file):
+                    found.append(flat_pattern(sheet, curve, reach=reach))
+            outer, holes = found[0], tuple(found[1:])
+            refuse_holes(outer, holes)
+            patterns = [replace(outer, holes=holes)]
             area = patterns[0].area
         else:  # holes of the part have the opposite orientation
             assert self.part is not None
             reach, covered = self._reach(sheet, self.part), self._covered(sheet)
-            curves = covered.boundary()
-            patterns = [flat_pattern(sheet, x, reach=reach) for x in curves]
+            with errors_about(f"boundary of the part {self.named}"):
+                curves = covered.boundary()
+                patterns = [flat_pattern(sheet, x, reach=reach) for x in curves]
             area = abs(sum(one.signed_area for one in patterns))
         write_patterns(folder, patterns, self.kinds)
         length = sum(pattern.length for pattern in patterns)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cases.build import case_from_file
-from ..cases.finished import content_of, read_summary
+from ..cases.finished import content_of, read_summary, unlogged
 from ..cases.write import CASE
 from ..mesh.user_input import printable
 from ..solve.quantities import first_rows
@@ -130,7 +130,8 @@ def _drawn_curves(
     measured = None
     if test:
         case = folder / CASE
-        of = case_from_file(case).scene.shear_test if case.is_file() else None
+        with unlogged():
+            of = case_from_file(case).scene.shear_test if case.is_file() else None
         measured = completed(read_test_curve(test), of)
     elif (folder / "tool_force.png").is_file() and not (folder / "load.png").is_file():
         return {}, "The pictures contain the force of the tools."

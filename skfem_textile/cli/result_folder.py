@@ -4,7 +4,7 @@ import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from weakref import finalize
 
@@ -23,7 +23,8 @@ class ResultFolder:
     was created for the result and is still empty, it is then removed. Incomplete files
     of a killed run are removed at the start.
 
-    ``removed`` lists the names of files of an earlier run without a new file.
+    ``removed`` lists the names of files of an earlier run without a new file.  Such
+    files are removed if ``stale`` contains their names, by default all.
 
     ``summary.json`` is removed first and written last, so that it never describes files
     that are missing, even if the process is killed.
@@ -47,6 +48,7 @@ class ResultFolder:
     def __init__(self, path: str | os.PathLike[str], names: Sequence[str]) -> None:
         self.path = Path(path)
         self._names = sorted(names, key=self._is_summary, reverse=True)
+        self.stale: Collection[str] = names
         self.removed: list[str] = []
         try:
             _refuse_unwritable(self.path)
@@ -97,10 +99,15 @@ class ResultFolder:
         """Replace the files of an earlier run by the new ones."""
         for name in self._names:
             old_files = [*self.path.glob(name)]
-            if old_files and not any(self._scratch.glob(name)):
-                self.removed.append(name)
+            if not any(self._scratch.glob(name)):
+                if name not in self.stale:
+                    continue
+                self.removed += [name] if old_files else []
             for old_file in old_files:
                 old_file.unlink()
+                with contextlib.suppress(OSError):  # another file is in it
+                    for folder in old_file.relative_to(self.path).parents[:-1]:
+                        (self.path / folder).rmdir()
         for file in sorted(self._scratch.rglob("*"), key=self._is_summary):
             target = self.path / file.relative_to(self._scratch)
             if file.is_dir():

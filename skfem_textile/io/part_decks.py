@@ -222,7 +222,19 @@ def write_part_deck(
     OSError
         If a file cannot be written.
     """
-    folder, path = Path(folder), deck.path
+    return written_part_deck(folder, deck, fibres, thickness, material, calculix)[0]
+
+
+def written_part_deck(
+    folder: str | os.PathLike[str],
+    deck: PartDeck,
+    fibres: FibresInSpace,
+    thickness: float | ndarray,
+    material: str | None = None,
+    calculix: bool = False,
+) -> tuple[list[Path], str]:
+    """Files of `write_part_deck`, and why a requested one for CalculiX is missing."""
+    folder, path, no_calculix = Path(folder), deck.path, ""
     layup = _layup(deck, fibres, thickness, material)
     with errors_about(path):
         if calculix and not isinstance(deck._form, AbaqusDeck):
@@ -241,7 +253,8 @@ def write_part_deck(
                 files[name], more = calculix_deck(deck._form, layup)
                 remarks += more
             except MeshError as error:
-                remarks.append(f"not written for CalculiX: {error}")
+                no_calculix = str(error)
+                remarks.append(f"not written for CalculiX: {no_calculix}")
     if left := _by_part(deck, np.flatnonzero(~layup.covered)):
         remarks.append(f"the ply does not cover element(s) {left}")
     written = [folder / name for name in (*files, f"{path.stem}_fibres.vtu")]
@@ -252,7 +265,7 @@ def write_part_deck(
     write_fibres(written[-1], fibres)
     for remark in remarks:
         log.warning("%s: %s", printable(path), remark)
-    return written
+    return written, no_calculix
 
 
 def _refuse_sources(written: list[Path], deck: PartDeck) -> None:

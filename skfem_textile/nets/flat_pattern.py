@@ -206,6 +206,11 @@ def refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
     left = Polygon(outer.outline.T)
     for hole in holes:
         cut = Polygon(hole.outline.T)
+        if cut.contains(left) and not cut.equals(left):
+            raise ValueError(
+                f"flat pattern: the hole that passes {coords(hole.on_tool[:, 0])} mm "
+                "surrounds the outline: specify the outline first, then its holes"
+            )
         if not left.contains(cut) or cut.equals(left):
             raise ValueError(
                 f"flat pattern: the hole that passes {coords(hole.on_tool[:, 0])} mm "

@@ -151,9 +151,10 @@ def _inside(
         )
     inside = np.asarray(shapely.contains_xy(outer, *places))
     if not inside.any():
+        how = "the outline first, then its holes" if inner else "a curve around a part"
         raise ValueError(
-            f"part: no {what} of the tool is inside the curve: specify a curve around "
-            "a part, or smaller triangles"
+            f"part: no {what} of the tool is inside the curve: specify {how}, or "
+            "smaller triangles"
         )
     return inside
 

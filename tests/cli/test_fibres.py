@@ -115,10 +115,13 @@ def test_a_run_reports_that_it_ignores_directions_of_a_fabric(tmp_path, caplog, 
     assert "are ignored" not in caplog.text
 
 
-def test_directions_of_a_fabric_that_are_used_are_not_ignored(tmp_path, caplog):
-    same = tmp_path / "same.json"
-    write_fabric(same, Fabric(1e5, 0.5, warp=(1, 1), weft=(1, -1)))
-    run(tmp_path / "out", f"--size 2x4 --fabric {same}")
+@pytest.mark.parametrize("stated", [{"warp": (1, 1), "weft": (1, -1)}, {}])
+def test_used_and_default_directions_of_a_fabric_are_not_ignored(
+    tmp_path, caplog, stated
+):
+    file = tmp_path / "fabric.json"
+    write_fabric(file, Fabric(1e5, 0.5, **stated))
+    run(tmp_path / "out", f"--size 2x4 --fabric {file}")
     assert "in this file are ignored" not in caplog.text
 
 

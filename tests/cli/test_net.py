@@ -284,6 +284,13 @@ def test_a_ply_with_an_outline_covers_its_own_area(tmp_path, tool):
     assert covered.mean() == summary["part_covered_share_of_elements"]
 
 
+def test_curves_in_the_wrong_order_are_refused(tmp_path, tool, capsys):
+    hole, rim = (trim_box(tmp_path / f"{n}.csv", -n, -n, n, n) for n in (8, 30))
+    line = f"net --tool {tool} --cell 5 --out {tmp_path / 'out'} --trim {hole} {rim}"
+    assert cli.main(line.split()) == 2
+    assert "specify the outline first, then its holes" in capsys.readouterr().err
+
+
 def test_a_ply_that_is_too_small_does_not_cover_the_trimmed_part(tmp_path, tool):
     (tmp_path / "ply.csv").write_text("\n".join(OUTLINE))
     curve = trim_box(tmp_path / "trim.csv", -30, -10, 30, 10)

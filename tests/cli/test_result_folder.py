@@ -37,6 +37,18 @@ def test_a_result_replaces_the_previous_one_and_nothing_else(tmp_path):
     assert files["summary.json"].read_text() == "new"
 
 
+def test_files_that_are_not_stale_stay_and_empty_folders_go(tmp_path):
+    names = "summary.json", "part.csv", "deck/old/a.inp", "deck/b.inp"
+    for name in names:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("old")
+    with (results := ResultFolder(tmp_path, names)) as folder:
+        results.stale = names[2:]
+        (folder / "summary.json").write_text("new")
+    assert results.removed == [*names[2:]]
+    assert {p.name for p in tmp_path.iterdir()} == {"summary.json", "part.csv"}
+
+
 def test_an_interrupted_run_leaves_the_folder_unchanged(tmp_path):
     def interrupted(out):
         with ResultFolder(out, NAMES) as folder:

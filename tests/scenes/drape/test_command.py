@@ -169,7 +169,7 @@ def test_what_cannot_be_exported_is_named(tmp_path):
         (closed, []),
         (
             PartExport(Output(trim="ring.csv"), ball, curves=[ring]),
-            ["pattern: not written: flat"],
+            ["pattern: not written: ring.csv: flat"],
         ),
     ):
         figures = export.write(drape.Sheet.of_ply(ply, u), "", tmp_path)
