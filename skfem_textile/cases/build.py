@@ -24,6 +24,7 @@ from ..declarations.scenes import (
 from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
+from ..mesh.extents import warn_of_outline
 from ..mesh.selection import SINGULAR
 from ..mesh.user_input import coords, printable
 from ..outlines.drawings import kind_of_drawing
@@ -194,6 +195,8 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     else:
         laws = _fabric_of_file(file.fabric.file, file.fabric)
     scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
+    if file.mesh.outline is not None and scene.dimension == 3:
+        _warn_of_unit(file.mesh.outline, scene)
     fabric: Any = replace(laws, warp=scene.warp, weft=scene.weft)
     if file.mesh.directions is not None:
         scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
@@ -477,6 +480,14 @@ def _outlined(file: CaseFile, density: float) -> "Scene":
             chords,
         )
     return file.scene.build(mesh.translated(-middle), part="whole")
+
+
+def _warn_of_unit(outline: str, scene: "Scene") -> None:
+    """Warn if the extents of a ply and of its tools indicate two units of length."""
+    on_surfaces = (x for x in scene.conditions.values() if isinstance(x, OnSurface))
+    surfaces: list[Any] = [one.surface for one in (*scene.tools, *on_surfaces)]
+    tools = [one.facets.points for one in surfaces if hasattr(one, "facets")]
+    warn_of_outline(outline, scene.mesh.p, tools)
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":

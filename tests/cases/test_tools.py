@@ -183,6 +183,20 @@ def test_the_share_by_which_elements_differ_from_an_outline_is_logged(
     assert float(share) == pytest.approx(expected, abs=0.051)
 
 
+@pytest.mark.parametrize(("side", "is_told"), [(20.0, False), (6.0, True)])
+def test_an_outline_in_another_unit_than_the_tools_is_told(
+    tmp_path, caplog, side, is_told
+):
+    x, t = graph(np.linspace(-80, 80, 9), lambda x, y: -(x**2 + y**2) / 400)
+    meshio.Mesh(x.T, [("triangle", t.T)]).write(tmp_path / "tool.stl")
+    corners = side * np.array([[-0.5, 0.5, 0.5, -0.5], [-0.5, -0.5, 0.5, 0.5]])
+    mesh = {"outline": str(write_columns(tmp_path / "ply.csv", "x,y", *corners))}
+    scene = {"name": "drape", "tool": str(tmp_path / "tool.stl")}
+    case_from_tables({"scene": scene, "mesh": {**mesh, "size": [2, 2]}})
+    line = f"extends over {side:g} mm, the tools over 160 mm: check the units"
+    assert (line in caplog.text) == is_told
+
+
 def test_every_surface_is_in_the_reference():
     listed = {entry.choice for entry in reference() if entry.table == "[tools]"}
     surfaces = "triangles plane sphere cylinder cone torus punch die"
