@@ -36,7 +36,7 @@ def trimming_curves(files: Sequence[str | Path]) -> list[ndarray]:
 
 
 def warn_of_part(file: str, part: ndarray, ply: ndarray) -> None:
-    """Warn if points of a part extend over much less than those of the ply."""
+    """Warn of a part that extends over much less than the ply."""
     _warn(file, "part", extent_of(part), extent_of(ply), OTHER_UNIT, "export it in mm")
 
 
