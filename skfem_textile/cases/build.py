@@ -24,7 +24,7 @@ from ..declarations.scenes import (
 from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
-from ..mesh.overlap import signed_areas
+from ..mesh.extents import warn_of_outline
 from ..mesh.selection import SINGULAR
 from ..mesh.user_input import coords, printable
 from ..outlines.drawings import kind_of_drawing
@@ -69,8 +69,8 @@ log = logging.getLogger(__name__)
 # Name of the subdomain of elements outside all regions.
 _OTHERS = "elements in no region"
 
-# Share of the area of an outline below which the loss by chords is reported.
-_WHOLE = 0.999
+# Share of its area by which elements may differ from an outline without a warning.
+_CHORDS = 1e-3
 
 # Keys that require another one of their table: one of those in the text.
 _REQUIRED = {
@@ -195,6 +195,8 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     else:
         laws = _fabric_of_file(file.fabric.file, file.fabric)
     scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
+    if file.mesh.outline is not None and scene.dimension == 3:
+        _warn_of_unit(file.mesh.outline, scene)
     fabric: Any = replace(laws, warp=scene.warp, weft=scene.weft)
     if file.mesh.directions is not None:
         scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
@@ -453,6 +455,8 @@ def _outline(options: Mesh) -> "Outline":
 
 def _outlined(file: CaseFile, density: float) -> "Scene":
     """A scene in space whose ply has an outline, its middle at the centre."""
+    import shapely
+
     from ..outlines.meshing import quadrilaterals
 
     options = file.mesh
@@ -461,11 +465,13 @@ def _outlined(file: CaseFile, density: float) -> "Scene":
     assert options.size is not None  # by default of the scene
     across, along = (round(density * n) for n in options.size)
     middle = 0.5 * (low + high)
-    mesh = quadrilaterals(outline, (across, along)).translated(-middle)
-    area = outline.shape().area
-    share = np.abs(signed_areas(*mesh.p[:, mesh.t])).sum() / area
-    lost = f", whose elements cover {100 * share:.1f} % of it"
-    chords = lost if share < _WHOLE else ""
+    mesh = quadrilaterals(outline, (across, along))
+    elements = shapely.coverage_union_all(shapely.polygons(mesh.p[:, mesh.t].T))
+    share = (elements ^ outline.shape()).area / outline.shape().area
+    chords = (
+        f"; elements and outline differ by {100 * share:.1f} % of its area: use more "
+        "elements if this is too much"
+    ) * (share > _CHORDS)
     if middle.any() or chords:
         log.warning(
             "%s: the middle of the outline, %s mm, is the centre of the ply%s",
@@ -473,7 +479,15 @@ def _outlined(file: CaseFile, density: float) -> "Scene":
             coords(middle),
             chords,
         )
-    return file.scene.build(mesh, part="whole")
+    return file.scene.build(mesh.translated(-middle), part="whole")
+
+
+def _warn_of_unit(outline: str, scene: "Scene") -> None:
+    """Warn if the extents of a ply and of its tools indicate two units of length."""
+    on_surfaces = (x for x in scene.conditions.values() if isinstance(x, OnSurface))
+    surfaces: list[Any] = [one.surface for one in (*scene.tools, *on_surfaces)]
+    tools = [one.facets.points for one in surfaces if hasattr(one, "facets")]
+    warn_of_outline(outline, scene.mesh.p, tools)
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":

@@ -29,6 +29,7 @@ from ..nets.flat_pattern import FlatPattern, flat_pattern, refuse_holes
 from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
 from ..solve.quantities import Quantity, first_rows
 from ..surfaces.tool_mesh import ToolMesh
+from .extents import trimming_curves, warn_of_curves, warn_of_part
 from .interruption import held
 from .output import STOPPED_EARLY, complain, say
 from .page import say_rows
@@ -191,8 +192,7 @@ class PartExport:
                 refuse_unit_of_part(one)
         export = cls(output, mesh or of_deck, deck)
         if trim is not None:
-            files = (trim,) if isinstance(trim, str) else trim
-            return replace(export, curves=[io.read_curve(file, 3) for file in files])
+            return replace(export, curves=trimming_curves(export.trim))
         assert export.part is not None
         try:
             return replace(export, curves=export.part.boundary())
@@ -224,6 +224,12 @@ class PartExport:
     def has_curves(self) -> bool:
         """True if there is a pattern, or a reason why there is none."""
         return bool(self.curves or self.no_curves)
+
+    @property
+    def trim(self) -> Sequence[str]:
+        """Files of the trimming curves."""
+        trim = self.output.trim or ()
+        return (trim,) if isinstance(trim, str) else trim
 
     @property
     def kinds(self) -> Sequence[str]:
@@ -262,6 +268,11 @@ class PartExport:
         The sheet is in the axes of the part.  ``reason`` says why there is no export
         from it; empty if there is one.
         """
+        if self.part is not None:
+            file = self.output.part_mesh or self.output.deck
+            warn_of_part(str(file), self.part.points, sheet.positions)
+        if self.output.trim is not None:
+            warn_of_curves(self.trim, self.curves, sheet.positions)
         figures: dict[str, Any] = {}
         writers: dict[str, Callable[[Sheet, Path], dict[str, Any]]] = {
             "part": self._fibres,

@@ -13,6 +13,7 @@ from numpy import ndarray
 
 from .. import drape, io
 from ..io.file_numbers import errors_about
+from ..mesh.extents import warn_of_outline
 from ..mesh.graph import boundary_edges
 from ..mesh.progress import log_to_stderr, shown
 from ..mesh.user_input import IN_MM, coords, printable
@@ -38,6 +39,7 @@ from .net_report import (
 from .output import STOPPED_EARLY, complain, say
 from .page import rows, say_rows, sources, write_page
 from .result_folder import ResultFolder
+from .run_options import as_typed
 
 # Files of the command.
 _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
@@ -163,6 +165,9 @@ def _laid(options: argparse.Namespace) -> Part:
     """Read the tool, lay the net and trim its pattern."""
     outline = None if options.outline is None else _outline(options)
     tool = io.read_surface(options.tool, options.unit, certain=True)
+    if outline is not None:
+        points = tool.facets.points
+        warn_of_outline(options.outline, outline.polygon, [points])
     warp = np.radians(options.fibres or 0.0)
     angles = warp, warp + np.pi / 2
     size = float(np.linalg.norm(np.ptp(tool.facets.points, axis=1)))
@@ -219,9 +224,12 @@ def _laid(options: argparse.Namespace) -> Part:
 
 def _outline(options: argparse.Namespace) -> Outline:
     """Outline of the flat ply, its middle at the origin."""
-    outline = Outline.from_file(
-        options.outline, unit=options.outline_unit, layer=options.layer
-    )
+    try:
+        outline = Outline.from_file(
+            options.outline, unit=options.outline_unit, layer=options.layer
+        )
+    except ValueError as error:
+        raise ValueError(as_typed(str(error), options)) from None
     low, high = outline.polygon.min(axis=1), outline.polygon.max(axis=1)
     middle = 0.5 * (low + high)[:, None]
     return Outline(outline.polygon - middle, [hole - middle for hole in outline.holes])
@@ -312,7 +320,8 @@ def _pieces(
     pieces = [(net, first_layer(net))] if part.meets_itself else net.pieces
     part = part._replace(pieces=pieces)
     if part.outline is not None:
-        return _of_outline(part, part.outline, spanned, curves if options.trim else [])
+        trim = curves if options.trim else []
+        return _of_outline(options.outline, part, part.outline, spanned, trim)
     if not curves:
         return part._replace(no_pattern=_NO_OUTLINE)
     try:
@@ -323,7 +332,11 @@ def _pieces(
 
 
 def _of_outline(
-    part: Part, outline: Outline, spanned: TriangleMesh, curves: Sequence[ndarray]
+    file: Path,
+    part: Part,
+    outline: Outline,
+    spanned: TriangleMesh,
+    curves: Sequence[ndarray],
 ) -> Part:
     """The part of a net within the outline of the flat ply, and its pattern.
 
@@ -342,7 +355,9 @@ def _of_outline(
         ply = ply._replace(inside=inside[: part.tool.facets.n_elements])
         return ply._replace(patterns=[_pattern(part, curves)])
     except ValueError as error:
-        return ply._replace(no_pattern=str(error))
+        extent = " x ".join(f"{x:.4g}" for x in np.ptp(outline.polygon, axis=1))
+        reason = f"{printable(file)}: outline of {extent} mm: {error}"
+        return ply._replace(no_pattern=reason)
 
 
 def _uncut_angle(part: Part, uncut: Net, curves: Sequence[ndarray]) -> float | None:

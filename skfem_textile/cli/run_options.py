@@ -121,7 +121,7 @@ def add_exports(parser: argparse.ArgumentParser, others: Options) -> None:
     add(parser, others)
     exports = {f: p for f, p in _OPTIONS_WITH_TOOLS.items() if f"--{f}" not in others}
     flags = _add_keys(parser, exports, get_type_hints(CaseFile), {})
-    parser.set_defaults(flags=flags)
+    parser.set_defaults(flags={**flags, "mesh.unit": "--outline-unit"})
 
 
 def as_typed(message: str, options: argparse.Namespace) -> str:

@@ -19,7 +19,7 @@ from numpy import ndarray
 
 from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt
-from .abaqus import Block, node_lines, set_lines
+from .abaqus import Block, name_of, node_lines, set_lines
 from .deck_text import UTF8, DeckCopy
 from .file_numbers import from_words, real_word
 from .layups import LAYERS, WARP, WEFT, Element, Layup
@@ -73,7 +73,7 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
     """Deck in one file with elements raised to S8R and S6, and remarks.
 
     CalculiX reads no parts.  Those of a deck with one instance are removed, and its
-    nodes are moved.
+    nodes are moved.  Parts without an instance are left out.
 
     Raises
     ------
@@ -91,13 +91,20 @@ def calculix_deck(deck: AbaqusDeck, layup: Layup) -> tuple[bytes, list[str]]:
     _rename(copy, deck.text.lines, instance.name)
     beams = ", ".join(kind for kind in deck.left if kind.startswith("B"))
     remarks = [f"CalculiX may fail on layers together with {beams}"] * bool(beams)
+    is_used = True
     for block in deck.blocks:
-        if block.keyword == "BOUNDARY" and any(x[0].isdigit() for x in block.data):
+        keyword, parameters = block.keyword, block.parameters
+        if keyword in ("PART", "END PART"):
+            is_used = keyword != "PART" or name_of(parameters, "NAME") == part.name
+        if not is_used:
+            copy.comment_out(block.lines, "**")
+            continue
+        if keyword == "BOUNDARY" and any(x[0].isdigit() for x in block.data):
             remarks.append(
                 "*BOUNDARY on single nodes: new nodes between them are free; use sets"
             )
         new = list(_changed(block, elements, nodes))
-        if new or block.keyword.removeprefix("END ") in _OF_ASSEMBLY:
+        if new or keyword.removeprefix("END ") in _OF_ASSEMBLY:
             copy.comment_out(block.lines, "**")
             copy.insert(block.lines[0], new)
     own = {

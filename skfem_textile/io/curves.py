@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from ..mesh.user_input import printable
+from ..mesh.user_input import coords, printable
 from ..outlines.drawings.table import points_of_table
 
 # Distance in mm between a curve of a DXF file and its chords, as of an outline.
@@ -26,7 +26,8 @@ def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
         ``#``, with a unit in brackets if it is not mm, as ``x (m)``; other columns are
         ignored.  A table of three columns needs no names.
     least
-        Least number of different points: three for a closed curve.
+        Least number of different points: three for a closed curve, which must be
+        closed in a .dxf file.  The first point of a table may be repeated at its end.
 
     Returns
     -------
@@ -36,7 +37,8 @@ def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
     Raises
     ------
     ValueError
-        If the file is not valid; one line names the file and the row.
+        If the file is not valid, or a closed curve is open; one line names the file
+        and the row.
     ModuleNotFoundError
         If a .dxf is to be read and ezdxf is not installed.
     OSError
@@ -44,7 +46,7 @@ def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
     """
     what = printable(Path(path))
     if Path(path).suffix.lower() == ".dxf":
-        points = _of_dxf(path)
+        points = _of_dxf(path, least > 2)
     else:
         points, _ = points_of_table(path, "xyz")
     if (n := len(np.unique(points, axis=0))) < least:
@@ -55,7 +57,7 @@ def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
     return points.T
 
 
-def _of_dxf(path: str | os.PathLike[str]) -> ndarray:
+def _of_dxf(path: str | os.PathLike[str], is_closed: bool) -> ndarray:
     """Points of the only visible curve of a DXF file in mm, shape (n, 3)."""
     from ..outlines.drawings.dxf import curves_of_dxf
     from ..outlines.rings import JOINED
@@ -64,7 +66,15 @@ def _of_dxf(path: str | os.PathLike[str]) -> ndarray:
     parts = [curve.points.T for curve in curves]
     meet = JOINED * float(np.ptp(np.vstack(parts), axis=0).max())
     layers = ", ".join(sorted({curve.where for curve in curves}))
-    return _chain(f"{printable(path)} has several curves on {layers}", parts, meet)
+    what = printable(path)
+    points = _chain(f"{what} has several curves on {layers}", parts, meet)
+    gap = float(np.linalg.norm(points[-1] - points[0]))
+    if is_closed and gap > meet:
+        raise ValueError(
+            f"{what}: the curve on {layers} is open: its ends at {coords(points[0])} "
+            f"and {coords(points[-1])} are {gap:.3g} mm apart; close it"
+        )
+    return points
 
 
 def _chain(problem: str, parts: list[ndarray], meet: float) -> ndarray:

@@ -4,6 +4,7 @@ import logging
 import os
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +131,10 @@ def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
         )
     try:
         with without_messages():
-            raw = meshio.read(path)
+            if path.suffix.lower() == ".obj":
+                raw = meshio.read(_faces_of_obj(path), "obj")
+            else:
+                raw = meshio.read(path)
     except ImportError as error:
         package = printable(error.name or "another package")
         raise MeshError(
@@ -149,6 +153,16 @@ def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
     if not any(name.startswith("gmsh:") for name in raw.cell_data):
         fields += raw.field_data
     return raw, fields
+
+
+def _faces_of_obj(path: Path) -> StringIO:
+    """Vertices and faces of an OBJ file.
+
+    meshio requires as many normals and texture coordinates as vertices, or none.
+    """
+    with open(path, encoding="utf-8", errors="replace") as file:
+        lines = [line for line in file if line.split(None, 1)[:1] in (["v"], ["f"])]
+    return StringIO("".join(lines))
 
 
 @dataclass

@@ -12,6 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from ..mesh.extents import SMALLEST
 from ..mesh.requirements import lacks, without_messages
 from ..mesh.user_input import IN_MM, printable, refuse_unit
 from ..surfaces.tool_mesh import ToolMesh, cut_in_two
@@ -32,7 +33,7 @@ Unit: TypeAlias = Literal["mm", "cm", "m", "in"]
 
 # Extent of a tool in mm outside of which its unit is doubtful.  Chosen: a coin, and the
 # mould of half of the blade of a small wind turbine.
-_LEAST, _MOST = 5.0, 20e3
+_LEAST, _MOST = SMALLEST, 20e3
 
 # Units that a file without one may have, the most frequent first.
 _UNITS = ("m", "in", "cm")
@@ -210,7 +211,8 @@ def read_tool_mesh(path: _PathLike) -> ToolMesh:
     Parameters
     ----------
     path
-        The file: STL or another format supported by meshio.
+        The file: STL, 3MF, which requires trimesh, or another format supported by
+        meshio.
 
     Raises
     ------
@@ -218,7 +220,11 @@ def read_tool_mesh(path: _PathLike) -> ToolMesh:
         If the file cannot be read, or does not contain a surface in space.
     """
     with errors_about(path):
-        return ToolMesh(*points_and_cells(path))
+        if Path(path).suffix.lower() not in (".stl", ".3mf"):
+            return ToolMesh(*points_and_cells(path))
+        points, triangles, unit = _triangles(Path(path))
+        nodes, number = np.unique(points, axis=1, return_inverse=True)
+        return ToolMesh((unit or 1.0) * nodes, (number.ravel()[triangles],))
 
 
 def refuse_unit_of_part(mesh: ToolMesh | None) -> None:
@@ -249,6 +255,5 @@ def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
     if np.shape(raw.points)[1:] != (3,):
         raise MeshError("the points must have three coordinates")
     named = [f"{n} {kind}(s)" for kind, n in others.items()]
-    lost = [name for name in ignored if name != "facet_normals"]  # follow from points
-    say_ignored(Path(path), [*lost, *named])
+    say_ignored(Path(path), [*ignored, *named])
     return np.asarray(raw.points).T, cells

@@ -88,12 +88,12 @@ def check_mesh(mesh: Mesh) -> None:
         _refuse_names(f"named nodes {name!r}", nodes, mesh.p.shape[1])
 
 
-def refuse_metres(p: ndarray, what: str = "mesh") -> None:
-    """Refuse positions of a ply that is less than 1 mm wide and high."""
+def refuse_metres(p: ndarray) -> None:
+    """Refuse positions of a mesh that is less than 1 mm wide and high."""
     width, height = np.ptp(p, axis=1)[:2]
     if max(width, height) < _SMALLEST_PLY * (1 - _NEGLIGIBLE):
         raise MeshError(
-            f"the {what} is {width:.4g} mm wide and {height:.4g} mm high: are the "
+            f"the mesh is {width:.4g} mm wide and {height:.4g} mm high: are the "
             "coordinates in metres? Use coordinates in mm, or a larger ply"
         )
 

@@ -214,7 +214,8 @@ def refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
         if not left.contains(cut) or cut.equals(left):
             raise ValueError(
                 f"flat pattern: the hole that passes {coords(hole.on_tool[:, 0])} mm "
-                "crosses the outline or another hole: specify curves that do not meet"
+                "is outside, or crosses the outline or another hole: specify curves "
+                "inside the outline that do not meet"
             )
         left = left.difference(cut)
 

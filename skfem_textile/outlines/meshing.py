@@ -273,7 +273,8 @@ def quadrilaterals(outline: Outline, size: tuple[int, int]) -> Mesh:
     shape = shapely.transform(outline.shape(), lambda x: x / side.T)
     p, t, quads = _squares(shape, fixed / side)
     p = _exact(np.ascontiguousarray(p * side), outline, [])
-    mesh = split_cells(p, (t, quads)) if t.size else MeshQuad(p, quads)
+    cells = [cell for cell in (t, quads) if cell.size]
+    mesh = split_cells(p, cells) if t.size else MeshQuad(p, quads)
     return _named(mesh, outline, [])
 
 

@@ -12,7 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
-from ..mesh.checks import refuse_metres
+from ..mesh.extents import SMALLEST, extent_of
 from ..mesh.graph import components
 from ..mesh.user_input import coords, excerpt, real_numbers
 
@@ -201,11 +201,16 @@ def rings_of_curves(curves: Sequence[Curve], what: str, tolerance: float) -> lis
     Raises
     ------
     ValueError
-        If the curves are not one polygon with holes.
+        If the curves are not one polygon with holes, or extend over less than 5 mm,
+        which indicates another unit.
     """
     p = np.hstack([curve.points for curve in curves])
     refuse_not_finite(what, p)
-    refuse_metres(p, f"outline of {what}")
+    if (extent := extent_of(p)) < SMALLEST:
+        raise ValueError(
+            f"the outline of {what} extends over {extent:.3g} mm: if it is in m, "
+            "specify this unit (mesh.unit)"
+        )
     size = float(np.hypot(*np.ptp(p, axis=1)))
     rings: dict[int, Ring] = {}
     still_open = []
@@ -220,7 +225,8 @@ def rings_of_curves(curves: Sequence[Curve], what: str, tolerance: float) -> lis
     if others := _unrepeated(curves, still_open, list(rings.values()), near):
         rings |= _joined(curves, others, JOINED * size, NEAR * size, what)
     in_order = [_merged(rings[i]) for i in sorted(rings)]
-    return _nested(_distinct(in_order, near), what)
+    layers = any(curve.layers for curve in curves)
+    return _nested(_distinct(in_order, near), what, layers)
 
 
 def rings_of_segments(p: ndarray, segments: Sequence[Segment], what: str) -> list[Ring]:
@@ -229,7 +235,7 @@ def rings_of_segments(p: ndarray, segments: Sequence[Segment], what: str) -> lis
         _merged(Ring(p[:, nodes], [segments[i].names for i in of], ""))
         for nodes, of in _traced(p, segments, what, ())
     ]
-    return _nested(traced, what)
+    return _nested(traced, what, False)
 
 
 def _is_closed(points: ndarray) -> bool:
@@ -383,14 +389,17 @@ def _distinct(rings: list[Ring], near: float) -> list[Ring]:
     return list(kept.values())
 
 
-def _nested(rings: list[Ring], what: str) -> list[Ring]:
+def _nested(rings: list[Ring], what: str, has_layers: bool) -> list[Ring]:
     """The outer ring of one polygon with holes, and the others.
+
+    Messages name layers only if curves are on layers.
 
     Raises
     ------
     ValueError
         If rings cross, or if there are several pieces.
     """
+    choose = "select its layer" if has_layers else "remove the other curves"
     of = [f"{what}{ring.where and ', '}{ring.where}: the line" for ring in rings]
     corners = [valid_ring(name, r.points) for name, r in zip(of, rings, strict=True)]
     lines = np.array([shapely.LinearRing(x.T) for x in corners])
@@ -407,21 +416,20 @@ def _nested(rings: list[Ring], what: str) -> list[Ring]:
     outer = [rings[i] for i in np.flatnonzero(depth == 0)]
     if len(outer) > 1:
         raise ValueError(
-            f"{what} has {len(outer)} pieces: {_listed(outer)}; a ply is one: select "
-            "its layer"
+            f"{what} has {len(outer)} pieces: {_listed(outer)}; a ply is one: {choose}"
         )
     islands = np.flatnonzero(depth > 1)
     if islands.size:
         raise ValueError(
             f"{what}: {_about(rings[islands[0]])} is a piece in a hole of "
-            f"{_about(outer[0])}; a ply is one piece: select its layer"
+            f"{_about(outer[0])}; a ply is one piece: {choose}"
         )
     holes = [rings[i] for i in np.flatnonzero(depth)]
     if holes and outer[0].where:
         log.warning(
-            "%s: the ply is %s, with the hole(s) %s; select other layers if this is "
-            "not so",
+            "%s: the ply is %s, with the hole(s) %s; %s if this is not so",
             *(what, _about(outer[0]), _listed(holes)),
+            "select other layers" if has_layers else "remove curves",
         )
     return [*outer, *holes]
 

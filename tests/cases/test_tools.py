@@ -5,6 +5,7 @@ import re
 import meshio
 import numpy as np
 import pytest
+import shapely
 
 from skfem_textile.cases import case_from_file, case_from_tables, declared
 from skfem_textile.cases.tools import between_rows
@@ -162,17 +163,38 @@ def test_tools_apply_to_any_scene_in_space():
     assert figures["exact_answer"] == "none: tools act on the ply"
 
 
-def test_the_share_of_an_outline_that_elements_cover_is_logged(tmp_path, caplog):
-    """A circle, off the origin, by few elements."""
+@pytest.mark.parametrize("hole", [0, 45])
+def test_the_share_by_which_elements_differ_from_an_outline_is_logged(
+    tmp_path, caplog, hole
+):
+    """Of a circle off the origin, and of one with a hole, in which elements lie."""
     t = np.linspace(0.0, 2 * np.pi, 60, endpoint=False)
-    circle = np.stack([50 + 60 * np.cos(t), 60 * np.sin(t)])
-    outline = str(write_columns(tmp_path / "circle.csv", "x,y", *circle))
-    mesh = {"outline": outline, "size": [3, 3]}
+    circles = [np.stack([50 + r * np.cos(t), r * np.sin(t)]) for r in (60, hole) if r]
+    x, number = np.hstack(circles), np.repeat(range(len(circles)), len(t))
+    outline = str(write_columns(tmp_path / "ring.csv", "x,y,curve", *x, number))
+    mesh = {"outline": outline, "size": [6, 6]}
     case = case_from_tables(tables(PUNCH, scene={"name": "forming"}, mesh=mesh))
     x = case.scene.mesh.p
     assert x.min(axis=1) == pytest.approx(-x.max(axis=1), abs=2.0)
-    share = re.search(r"cover ([\d.]+) % of it", caplog.text)[1]
-    assert 75 < float(share) < 95
+    ring = shapely.Polygon(circles[0].T, [one.T for one in circles[1:]])
+    cells = shapely.polygons(x[:, case.scene.mesh.t].T + np.array([50, 0]))
+    expected = 100 * (ring ^ shapely.union_all(cells)).area / ring.area
+    share = re.search(r"differ by ([\d.]+) % of its area", caplog.text)[1]
+    assert float(share) == pytest.approx(expected, abs=0.051)
+
+
+@pytest.mark.parametrize(("side", "is_told"), [(20.0, False), (6.0, True)])
+def test_an_outline_in_another_unit_than_the_tools_is_told(
+    tmp_path, caplog, side, is_told
+):
+    x, t = graph(np.linspace(-80, 80, 9), lambda x, y: -(x**2 + y**2) / 400)
+    meshio.Mesh(x.T, [("triangle", t.T)]).write(tmp_path / "tool.stl")
+    corners = side * np.array([[-0.5, 0.5, 0.5, -0.5], [-0.5, -0.5, 0.5, 0.5]])
+    mesh = {"outline": str(write_columns(tmp_path / "ply.csv", "x,y", *corners))}
+    scene = {"name": "drape", "tool": str(tmp_path / "tool.stl")}
+    case_from_tables({"scene": scene, "mesh": {**mesh, "size": [2, 2]}})
+    line = f"extends over {side:g} mm, the tools over 160 mm: check the units"
+    assert (line in caplog.text) == is_told
 
 
 def test_every_surface_is_in_the_reference():

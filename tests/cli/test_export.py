@@ -14,6 +14,7 @@ from skfem_textile.cases import case_from_file, read_result
 from skfem_textile.cases.finished import read_summary
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.export import PartExport, decks_in
+from skfem_textile.cli.extents import trimming_curves, warn_of_curves, warn_of_part
 from skfem_textile.io import write_pattern
 from skfem_textile.mesh.checks import MeshError
 from tests.helpers import graph
@@ -119,6 +120,29 @@ def test_a_pattern_is_the_outline_of_another_ply(formed, tmp_path):
     again = Outline.from_file(tmp_path / "pattern.csv")
     assert again.shape().area == pytest.approx(pattern.area, rel=1e-6)
     assert len(again.holes) == 1
+
+
+def trimming(path, radius, scale=1.0, x=0.0):
+    """A circle about a point of the x axis, in mm or in another unit."""
+    circle = np.array([x + radius * np.cos(t), radius * np.sin(t), 0 * t])
+    np.savetxt(path, scale * circle.T, delimiter=",", header="x,y,z", comments="")
+    return str(path)
+
+
+def test_trimming_curves_in_metres_are_refused_or_told(formed, caplog, tmp_path):
+    curve = trimming(tmp_path / "curve.csv", 20, 1e-3)
+    with pytest.raises(ValueError, match=r"over 0.04 mm: if it is in m, state its"):
+        trimming_curves([curve])
+    sizes = {"o.csv": (20, 1), "a.csv": (5, 1e-3), "b.csv": (2, 1)}
+    files = [trimming(tmp_path / name, *size) for name, size in sizes.items()]
+    curves, ply = trimming_curves(files), read_result(formed / "out").sheet().positions
+    caplog.clear()
+    warn_of_curves(files, curves, ply)
+    (line,) = caplog.messages
+    assert "a.csv: the curve extends over 0.00999 mm, the ply over 90 mm" in line
+    warn_of_part("part.stl", ply, ply)
+    warn_of_part("part.stl", 0.04 * ply, ply)
+    assert "part.stl: the part extends over 3.6 mm, the ply over" in caplog.messages[1]
 
 
 @pytest.fixture(scope="module")
@@ -279,7 +303,7 @@ def test_a_requested_dxf_requires_its_package(formed, command, capsys, monkeypat
     ("scales", "text"),
     [
         ([1.0, 90.0], "curve_1.csv: flat pattern: the ply does not lie on"),
-        ([0.2, 1.0], "specify the outline first, then its holes"),
+        ([0.4, 1.0], "specify the outline first, then its holes"),
     ],
 )
 def test_a_refused_curve_is_named(formed, capsys, scales, text):

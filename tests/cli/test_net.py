@@ -291,6 +291,24 @@ def test_curves_in_the_wrong_order_are_refused(tmp_path, tool, capsys):
     assert "specify the outline first, then its holes" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("side", "text"),
+    [
+        (400, "ply.csv: outline of 400 x 400 mm: net: "),
+        (2500, "ply.csv: the outline extends over 2500 mm, the tools over "),
+        (1.2, "over 1.2 mm: if it is in m, specify this unit (--outline-unit)"),
+    ],
+)
+def test_an_outline_of_another_size_than_the_tool_is_told(
+    tmp_path, tool, capsys, caplog, side, text
+):
+    x, y = side * np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
+    outline = str(write_columns(tmp_path / "ply.csv", "x,y", x, y))
+    words = ["net", "--tool", str(tool), "--cell", "8", "--outline", outline]
+    cli.main([*words, "--no-render", "--out", str(tmp_path / "out")])
+    assert text in "".join(capsys.readouterr()) + caplog.text
+
+
 def test_a_ply_that_is_too_small_does_not_cover_the_trimmed_part(tmp_path, tool):
     (tmp_path / "ply.csv").write_text("\n".join(OUTLINE))
     curve = trim_box(tmp_path / "trim.csv", -30, -10, 30, 10)

@@ -279,6 +279,29 @@ def test_a_moved_instance_vibrates_as_the_plate_itself(tmp_path):
     assert solved(tmp_path / "out") == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.parametrize("first", [1, 1001])
+def test_parts_without_instance_are_left_out(tmp_path, first):
+    """Also those with the labels of the part that has one."""
+    path = tmp_path / "plate.inp"
+    plate(path, 3)
+    in_assembly(path, 0)
+    nodes = [f"{first + 3 * k}, {k}., {k * k}., 7." for k in range(3)]
+    corners = ", ".join(str(first + 3 * k) for k in range(3))
+    unused = ["*PART, NAME=TOOL", "*NODE", *nodes, "*ELEMENT, TYPE=S3, ELSET=T"]
+    unused += [f"5001, {corners}", "*SHELL SECTION, ELSET=T, MATERIAL=CFRP", "9.0"]
+    alone = path.read_text()
+    with_another = "\n".join([*unused, "*END PART", "*PART, NAME=P"])
+    read = []
+    for text in (alone, alone.replace("*PART, NAME=P", with_another, 1)):
+        path.write_text(text)
+        deck = read_part_deck(path)
+        fibres = woven(deck.mesh, 0.0, np.pi / 2)
+        write_part_deck(tmp_path / "out", deck, fibres, REST, calculix=True)
+        lines = (tmp_path / "out" / "plate_ccx.inp").read_text().splitlines()
+        read.append([line for line in lines if not line.startswith("**")])
+    assert read[0] == read[1]
+
+
 def test_decks_with_several_instances_are_not_written_for_calculix(tmp_path, caplog):
     """One line reports it; the copy is written."""
     path = tmp_path / "a.inp"

@@ -96,6 +96,20 @@ def test_what_is_hidden_or_no_line_of_a_dxf_is_ignored_in_one_line(tmp_path, cap
     assert line.endswith("curve.dxf: ignored: 1 hidden CIRCLE, 1 TEXT")
 
 
+@pytest.mark.parametrize("corners", [[*FIRST, (100, 60), (0, 60)], [*FIRST, (9, 9)]])
+def test_a_closed_curve_of_a_dxf_is_closed(tmp_path, corners):
+    """It is refused where a chord would close it."""
+    file, space = drawing()
+    polyline = space.add_lwpolyline(corners)
+    path = written(tmp_path, file)
+    with pytest.raises(ValueError, match=r"'0' is open: its ends .* apart; close it"):
+        io.read_curve(path, 3)
+    assert io.read_curve(path).shape == (3, len(corners))
+    polyline.close()
+    read = io.read_curve(written(tmp_path, file), 3)
+    np.testing.assert_allclose(read[:, 0], read[:, -1])
+
+
 def test_an_unknown_unit_of_a_dxf_is_refused(tmp_path):
     file, space = drawing()
     file.header["$INSUNITS"] = 99

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skfem_textile.cli import main as cli
-from skfem_textile.io import read_surface
+from skfem_textile.io import read_surface, read_tool_mesh
 from tests.helpers.decks import T, X, ascii_solid, binary_solid
 from tests.helpers.intervals import no_interval  # noqa: F401
 from tests.helpers.tool_shapes import plate
@@ -74,6 +74,35 @@ def test_quadrilaterals_of_an_obj_file_are_cut(tmp_path):
     file = tmp_path / "tool.obj"
     file.write_text("\n".join(lines))
     assert read_surface(file).facets.n_elements == 50
+
+
+@pytest.mark.parametrize("solid", [ascii_solid, binary_solid])
+def test_a_part_is_read_as_a_tool(tmp_path, solid):
+    """With the elements in the order of the file, and capitals in ASCII."""
+    content = solid(X, T)
+    content = content.upper() if solid is ascii_solid else content
+    part = read_tool_mesh(stl(tmp_path, content))
+    centres = part.points[:, part.cells[0]].mean(axis=1)
+    np.testing.assert_allclose(centres, X[:, T].mean(axis=1), atol=1e-4)
+    assert len(part.boundary()) == 1
+
+
+@pytest.mark.parametrize("change", [lambda x: x[:-20], lambda x: x + b"xx"])
+def test_a_part_of_another_length_than_declared_is_refused(tmp_path, change):
+    content = change(binary_solid(X, T))
+    with pytest.raises(ValueError, match="as many triangles as its header declares"):
+        read_tool_mesh(stl(tmp_path, content))
+
+
+def test_quadrilaterals_of_an_obj_part_with_one_normal_stay(tmp_path):
+    corners = ["v 0 0 0", "v 9 0 0", "v 9 9 0", "v 0 9 0", "vn 0 0 1"]
+    faces = "g a", "f 1//1 2//1 3//1 4//1", "f 1//1 2//1 3//1"
+    (tmp_path / "part.obj").write_text("\n".join([*corners, *faces]))
+    part = read_tool_mesh(tmp_path / "part.obj")
+    assert [cell.tolist() for cell in part.cells] == [
+        [[0], [1], [2], [3]],
+        [[0], [1], [2]],
+    ]
 
 
 # Units

@@ -263,13 +263,38 @@ def test_keys_that_do_not_suit_a_drawing_are_refused(
     refused(lambda: case(scene, keys), message)
 
 
+SQUARES = [
+    f"{number},{x},{y}"
+    for number, (a, b) in enumerate([(0, 90), (10, 80), (20, 70)])
+    for x, y in [(a, a), (b, a), (b, b), (a, b)]
+]
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (SQUARES, "is a piece in a hole of .*: remove the other curves"),
+        ([*SQUARES[:4], "1,95,0", "1,99,0", "1,99,9"], "a ply is one: remove the"),
+        (SQUARES[:8], ""),
+    ],
+)
+def test_messages_about_tables_name_no_layers(tmp_path, caplog, rows, message):
+    (tmp_path / "ply.csv").write_text("\n".join(["curve,x,y", *rows]))
+    if message:
+        refused(lambda: Outline.from_file(tmp_path / "ply.csv"), message)
+    else:
+        Outline.from_file(tmp_path / "ply.csv")
+        assert "(curve 1); remove curves if this is not so" in caplog.text
+    assert "layer" not in caplog.text
+
+
 def test_files_that_are_no_drawings_in_mm_are_refused(tmp_path):
     """A drawing in metres, one of another kind, and a drawing as a mesh."""
     metres, other = tmp_path / "metres.svg", tmp_path / "ply.dwg"
     metres.write_text(SVG.replace("50mm", "0.05mm").replace("100mm", "0.1mm"))
     other.write_bytes(b"AC1032")
     for mesh, message in (
-        ({"outline": str(metres)}, "in metres"),
+        ({"outline": str(metres)}, r"extends over 0.1 mm: .* \(mesh\.unit\)"),
         (
             {"outline": str(other)},
             r"ply\.dwg: an outline is read from \.dxf, \.svg and",

@@ -297,6 +297,13 @@ def test_quadrilaterals_fill_an_outline(seed):
     assert {"fixed", "pulled"} <= set(mesh.boundaries)
 
 
+def test_an_outline_without_a_whole_square_is_filled_with_triangles():
+    mesh = quadrilaterals(Outline([[-60, 60, 0], [-60, -60, 60]]), (4, 4))
+    assert [len(cell) for cell in mesh.cells] == [3]
+    ply = Ply(mesh, Fabric())
+    assert ply.on_users_nodes(ply.nodes) == pytest.approx(ply.users_points)
+
+
 def test_quadrilaterals_of_a_rectangle_are_those_of_its_grid():
     mesh = quadrilaterals(Outline([[0, 60, 60, 0], [5, 5, 45, 45]]), (6, 5))
     assert type(mesh) is MeshQuad

@@ -113,9 +113,14 @@ def _drawing(path: str | os.PathLike[str], what: str) -> Any:
 
 def _scale(what: str, drawing: Any, unit: str | None) -> float:
     """Unit of length in mm."""
-    if unit is not None:
-        return IN_MM[unit]
     code = drawing.header.get("$INSUNITS", 0)
+    if unit is not None:
+        if _IN_MM.get(code, IN_MM[unit]) != IN_MM[unit]:
+            log.warning(
+                "%s: lengths are read in %s, but $INSUNITS states another unit",
+                *(what, unit),
+            )
+        return IN_MM[unit]
     if code == 0:
         log.warning("%s states no unit: lengths are read in mm", what)
         return 1.0

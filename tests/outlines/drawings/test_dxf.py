@@ -304,7 +304,7 @@ def test_a_given_unit_decides(read):
     for code in (0, 4, 99):
         outline, said = read(nothing, code, unit="cm")
         assert outline.shape().area == pytest.approx(1e6)
-        assert not said
+        assert ("read in cm, but $INSUNITS states another unit" in said) == (code == 4)
     with pytest.raises(ValueError, match=r"unit 99 of \$INSUNITS is unknown: specify"):
         read(nothing, 99)
 

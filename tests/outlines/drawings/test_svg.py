@@ -213,7 +213,7 @@ def test_layers_are_ids_of_groups_and_elements(read):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("<path d='M0 0 L1 0 L1 1 L0 .5'/>", r"1 line\(s\) end at .* of path"),
+        ("<path d='M0 0 L9 0 L9 9 L0 5'/>", r"1 line\(s\) end at .* of path"),
         ("<path d='M0 0 B1 0'/>", "the path is not valid near 'B1 0'"),
         ("<path d='M0 0 L1'/>", "the path is not valid near 'L'"),
         ("<path d='L0 0 L1 1'/>", "the path is not valid near 'LL1 1'"),
