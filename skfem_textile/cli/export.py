@@ -23,7 +23,7 @@ from ..mesh.graph import components, edges_of
 from ..mesh.requirements import is_installed, lacks, require
 from ..mesh.user_input import printable
 from ..nets.flat_pattern import FlatPattern, flat_pattern
-from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
+from ..nets.sheet import FibresInSpace, Sheet, default_reach, fibres_on_tool
 from ..solve.quantities import Quantity, first_rows
 from ..surfaces.tool_mesh import ToolMesh
 from .interruption import held
@@ -264,8 +264,7 @@ class PartExport:
 
     def _reach(self, sheet: Sheet, part: ToolMesh) -> float:
         """Largest distance of the part from the ply in mm."""
-        longest = max(sheet.longest_edge, float(part.longest_edges().max()))
-        return self.output.part_reach_mm or REACH * longest
+        return self.output.part_reach_mm or default_reach(sheet, part)
 
     def _on(self, sheet: Sheet, part: ToolMesh) -> FibresInSpace:
         return fibres_on_tool(sheet, part, reach=self.output.part_reach_mm)

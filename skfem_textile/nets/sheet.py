@@ -10,7 +10,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..fabric import kinematics as kin
-from ..mesh.graph import boundary_edges
+from ..mesh.graph import boundary_edges, edges_once
 from ..ply import Ply
 from ..surfaces.analytic import positive_length, three_numbers
 from ..surfaces.surface import SAME_AXES, Axes
@@ -28,6 +28,10 @@ from .crossings import Net
 # accepted: between two elements that meet at an angle, up to 50°, a point has no other
 # foot.
 _BETWEEN = 0.5
+
+# The same at the edge of the ply, to which the offset must be normal there: for
+# elements that turn by 12°.  Distances count up to `REACH`.
+_BESIDE = 0.1
 
 # Tolerance of an element edge, relative to the longest edge.
 _ON_EDGE = 1e-6
@@ -171,6 +175,8 @@ class Sheet:
     ) -> SheetPoints:
         """Points of the sheet at points of a tool: feet of perpendiculars.
 
+        A point beside the ply, nearest to its edge, has none.
+
         Parameters
         ----------
         points
@@ -187,22 +193,52 @@ class Sheet:
         reach = REACH * self.longest_edge if reach is None else reach
         most = np.broadcast_to(np.asarray(reach, dtype=float), n)
         point, element = self._tree.pairs(points, most)
-        local, away = self._elements.feet(self.positions, points[:, point], element)
-        distance = np.linalg.norm(away, axis=0)
-        outside = self._elements.outside(local) * 2 * self._tree.radii[element]
-        allowed = _ON_EDGE * self.longest_edge + _BETWEEN * distance
-        accepted = (outside <= allowed) & (distance <= most[point])
+        local = self._elements.feet(self.positions, points[:, point], element)
+        inside = self._elements.inside(local)
+        closest = self._elements.between(self.positions, element, inside)
+        distance = np.linalg.norm(points[:, point] - closest, axis=0)
+        beyond = self._elements.beyond(local) * 2 * self._tree.radii[element]
+        outside, on_edge = beyond.max(axis=0), _ON_EDGE * self.longest_edge
+        beside = _BESIDE * np.minimum(distance, REACH * self.longest_edge)
+        at_rim = self._at_rim[:, element]
+        wide = beyond > on_edge + np.where(at_rim, beside, _BETWEEN * distance)
+        accepted = ~wide.any(axis=0) & (distance <= most[point])
+        rim = self._nearest_rim(points, point, element, wide & at_rim)
+        accepted &= (outside <= on_edge) | (distance < (1 - _ON_EDGE) * rim[point])
         # The chosen element of each point is written last.
         last = distance + outside if rank is None else rank[element]
         order = np.flatnonzero(accepted)[np.argsort(-last[accepted])]
         chosen = np.full(n, -1)
         chosen[point[order]] = order
         feet = SheetPoints(np.full(n, -1), np.full((2, n), np.nan), np.full(n, np.inf))
-        inside, chosen = chosen >= 0, chosen[chosen >= 0]
-        feet.element[inside] = element[chosen]
-        feet.local[:, inside] = self._elements.inside(local[:, chosen])
-        feet.distance[inside] = distance[chosen]
+        found, chosen = chosen >= 0, chosen[chosen >= 0]
+        feet.element[found] = element[chosen]
+        feet.local[:, found] = inside[:, chosen]
+        feet.distance[found] = distance[chosen]
         return feet
+
+    @cached_property
+    def _at_rim(self) -> ndarray:
+        """Mask of the sides of elements on the edge of the ply, as `edge_lengths`."""
+        _, _, number, count = edges_once([self.elements])
+        return (count[number] == 1).reshape(self.elements.shape)
+
+    def _nearest_rim(
+        self, points: ndarray, point: ndarray, element: ndarray, sides: ndarray
+    ) -> ndarray:
+        """Distance of points from their nearest side of a mask, (n_corners, n_pairs).
+
+        Infinite without one, shape (n_points,).
+        """
+        side, pair = np.nonzero(sides)
+        ends = (side, np.roll(np.arange(len(sides)), -1)[side])
+        start, end = (self.positions[:, self.elements[k, element[pair]]] for k in ends)
+        along, away = end - start, points[:, point[pair]] - start
+        share = np.clip((away * along).sum(axis=0) / (along**2).sum(axis=0), 0.0, 1.0)
+        nearest = np.full(points.shape[1], np.inf)
+        distance = np.linalg.norm(away - share * along, axis=0)
+        np.minimum.at(nearest, point[pair], distance)
+        return nearest
 
     def flat_at(self, points: SheetPoints) -> ndarray:
         """Points in the flat ply in mm, shape (2, n); NaN if there is none."""
@@ -372,7 +408,7 @@ def fibres_on_tool(
         Reference axis of the angles, projected into the plane of each element.
     reach
         Largest distance in mm between the centre of an element and the ply on it; by
-        default a quarter of the longer of the longest edges of ply and element.
+        default a quarter of the longest edge of ply or tool.
 
     Raises
     ------
@@ -381,11 +417,9 @@ def fibres_on_tool(
     """
     along = _axis(axis)
     if reach is None:
-        most = REACH * np.maximum(tool.longest_edges(), sheet.longest_edge)
-    else:
-        reach = positive_length("fibres on a tool: reach", reach)
-        most = np.full(tool.n_elements, reach)
-    places = sheet.at(tool.centres(), most)
+        reach = default_reach(sheet, tool)
+    reach = positive_length("fibres on a tool: reach", reach)
+    places = sheet.at(tool.centres(), reach)
     if not places.found.any():
         raise ValueError(
             "fibres on a tool: no element of the tool is within reach of the ply: "
@@ -405,6 +439,11 @@ def fibres_on_tool(
     warp, weft, angle = (np.where(across, np.nan, field) for field in fibres)
     warp, weft = (_in_plane(v, normal) for v in (warp, weft))
     return FibresInSpace(tool, normal, warp, weft, angle, along)
+
+
+def default_reach(sheet: Sheet, tool: ToolMesh) -> float:
+    """Default distance from a ply up to which it covers elements of a tool in mm."""
+    return REACH * max(sheet.longest_edge, float(tool.longest_edges().max()))
 
 
 def _on_other_skin(

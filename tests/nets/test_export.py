@@ -93,6 +93,53 @@ def test_the_edge_of_the_ply_equals_the_edge_of_the_flat_ply(sheet):
     assert on_edge.distance.max() > 0.005
 
 
+def flat_tool(low, high, n, height):
+    return tool(lambda X: np.vstack([X, 0 * X[:1] + height]), low, high, n)
+
+
+@pytest.mark.parametrize("quads", [True, False])
+@pytest.mark.parametrize("height", [0.0, 4.0, -25.0])
+def test_elements_beside_the_ply_are_not_covered_at_any_distance(height, quads):
+    """Of a flat part over a flat ply, those whose centres are over it."""
+    flat = tool(lambda X: np.pad(X, ((0, 1), (0, 0))), 0, 40, 4, quads)
+    fibres = np.tile([[1.0], [0.0]], flat.n_elements)
+    cells = np.hstack(flat.cells)
+    sheet = drape.Sheet(flat.points[:2], flat.points, cells, fibres, fibres[::-1])
+    part = flat_tool(-30, 70, 50, height)
+    x, y, _ = part.centres()
+    over = (np.abs(x - 20) < 20) & (np.abs(y - 20) < 20)
+    covered = drape.fibres_on_tool(sheet, part, reach=30.0).covered
+    np.testing.assert_array_equal(covered, over)
+
+
+@pytest.mark.parametrize("radius", [66.0, 84.0])
+def test_elements_beside_a_curved_ply_are_not_covered(sheet, radius):
+    """Of a cylinder over the ply with the same axis."""
+
+    def over(X):
+        centre = np.array([[0.0], [0.0], [-60.0]])
+        return centre + (rolled(X) - centre) * [[radius / 60], [1], [radius / 60]]
+
+    s = np.linspace(-59, 159, 55)  # no centre is at the edge of the ply
+    s = 0.5 * (s[1:] + s[:-1])
+    inside = (np.abs(np.array(np.meshgrid(s, s)) - 50) < 50).all(axis=0)
+    part = tool(over, -59, 159, 54)
+    covered = drape.fibres_on_tool(sheet, part, reach=30.0).covered
+    np.testing.assert_array_equal(covered, inside.ravel())
+
+
+def test_the_default_reach_is_the_same_for_all_elements():
+    """A quarter of the longest edge of the part also for its small elements."""
+    sheet = drape.Sheet.of_net(drape.net(drape.Plane(), 2.0, (9, 9), (9, 9)))
+    large, small = flat_tool(-16, 0, 1, 0.0), flat_tool(2, 4, 1, 3.9)
+    points = np.hstack([large.points, small.points])
+    part = drape.ToolMesh(points, (np.hstack([large.cells[0], small.cells[0] + 4]),))
+    assert drape.fibres_on_tool(sheet, part).covered.all()
+    part.points[2, 4:] = 4.1
+    part = drape.ToolMesh(part.points, part.cells)
+    assert drape.fibres_on_tool(sheet, part).covered.tolist() == [True, False]
+
+
 def test_a_small_reach_excludes_the_other_side_of_a_thin_tool(sheet):
     below = tool(lambda X: rolled(X) - [[0], [0], [0.8]], 10, 40, 6)
     assert drape.fibres_on_tool(sheet, below).covered.all()
