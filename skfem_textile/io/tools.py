@@ -40,6 +40,9 @@ _UNITS = ("m", "in", "cm")
 # Bytes of the header and of a triangle of a binary STL file.
 _HEADER, _TRIANGLE = 84, 50
 
+# Corners of cells of a surface.  Those of quadratic cells are their first nodes.
+_CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+
 _OF_TRIMESH = (".ply", ".obj", ".3mf")
 _EXACT = (".step", ".stp", ".iges", ".igs", ".brep", ".x_t", ".sat")
 
@@ -205,7 +208,8 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
 def read_tool_mesh(path: _PathLike) -> ToolMesh:
     """Read the triangles and quadrilaterals of a tool, in the order of the file.
 
-    A warning in the log ``skfem_textile`` lists what is ignored.
+    Quadratic elements are read by their corners.  A warning in the log
+    ``skfem_textile`` lists what is ignored.
 
     Parameters
     ----------
@@ -237,12 +241,12 @@ def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
     raw, ignored = read_raw(Path(path))
     others = Counter[str]()
     for block in raw.cells:
-        if block.type not in ("triangle", "quad") and len(block.data):
+        if block.type not in _CORNERS and len(block.data):
             others[CELL_NAMES.get(block.type, block.type)] += len(block.data)
     cells = tuple(
-        np.asarray(block.data, dtype=int).T
+        np.asarray(block.data, dtype=int).T[: _CORNERS[block.type]]
         for block in raw.cells
-        if block.type in ("triangle", "quad")
+        if block.type in _CORNERS
     )
     if not any(map(np.size, cells)):
         raise MeshError("the file contains no triangles or quadrilaterals")

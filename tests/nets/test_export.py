@@ -221,6 +221,32 @@ def test_a_tool_is_read_in_the_order_of_its_file(tmp_path):
     np.testing.assert_array_equal(read.cells[1], part.cells[0])
 
 
+def quadratic_file(file):
+    """A quadrilateral of eight nodes and a triangle of six beside it."""
+    x = np.array([[0, 0], [10, 0], [10, 10], [0, 10], [20, 0]], dtype=float)
+    sides = [[0, 1], [1, 2], [2, 3], [3, 0], [1, 4], [4, 2]]
+    points = np.pad(np.vstack([x, x[sides].mean(axis=1)]), ((0, 0), (0, 1)))
+    quad, triangle = [0, 1, 2, 3, 5, 6, 7, 8], [1, 4, 2, 9, 10, 6]
+    if file.suffix != ".inp":
+        cells = [("quad8", [quad]), ("triangle6", [triangle])]
+        options = {"file_format": "gmsh22"} if file.suffix == ".msh" else {}
+        meshio.write_points_cells(file, points, cells, **options)
+        return
+    lines = ["*NODE", *(f"{i}, {a}, {b}, {c}" for i, (a, b, c) in enumerate(points, 1))]
+    for n, (kind, nodes) in enumerate((("S8R", quad), ("STRI65", triangle)), 1):
+        words = ", ".join(str(k + 1) for k in nodes)
+        lines += [f"*ELEMENT, TYPE={kind}", f"{n}, {words}"]
+    file.write_text("\n".join(lines))
+
+
+@pytest.mark.parametrize("suffix", ["inp", "msh", "vtu"])
+def test_quadratic_elements_of_a_part_are_read_by_their_corners(tmp_path, suffix):
+    quadratic_file(tmp_path / f"part.{suffix}")
+    quads, triangles = read_tool_mesh(tmp_path / f"part.{suffix}").cells
+    assert quads.T.tolist() == [[0, 1, 2, 3]]
+    assert triangles.T.tolist() == [[1, 4, 2]]
+
+
 @pytest.fixture(scope="module")
 def fibres():
     """In a part that the ply covers in part."""
