@@ -1,7 +1,7 @@
 """Draped ply as elements in space: its points at points of a tool, and its fibres."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..fabric import kinematics as kin
 from ..mesh.graph import boundary_edges, edges_once
+from ..mesh.splitting import sets_of
 from ..ply import Ply
 from ..surfaces.analytic import positive_length, three_numbers
 from ..surfaces.surface import SAME_AXES, Axes
@@ -344,6 +345,8 @@ class FibresInSpace:
     axis
         Reference axis of the angles, projected into the plane of each element, shape
         (3,).
+    node_sets, element_sets
+        Nodes and elements by name: boundaries, named nodes and subdomains of a ply.
     """
 
     mesh: ToolMesh
@@ -352,6 +355,8 @@ class FibresInSpace:
     weft: ndarray
     shear_angle: ndarray
     axis: ndarray
+    node_sets: Mapping[str, ndarray] = field(default_factory=dict)
+    element_sets: Mapping[str, ndarray] = field(default_factory=dict)
 
     @property
     def covered(self) -> ndarray:
@@ -507,7 +512,8 @@ def fibres_on_ply(
     directions = ply.fibre_direction(u, ply.centre)[..., 0]
     warp, weft = (_in_plane(ply.on_users_elements(a), normal) for a in directions)
     angle = ply.on_users_elements(ply.shear_angle(u, ply.centre)[:, 0])
-    return FibresInSpace(mesh, normal, warp, weft, angle, along)
+    sets = sets_of(ply.users_mesh)
+    return FibresInSpace(mesh, normal, warp, weft, angle, along, *sets)
 
 
 def _axis(axis: ArrayLike) -> ndarray:

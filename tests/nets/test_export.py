@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import drape
+from skfem_textile import Ply, drape
 from skfem_textile.io import read_tool_mesh, write_fibres
+from skfem_textile.io.meshes import read_raw
 from tests.helpers.tools import SPHERE, exact_shear_angle, on_net, rolled, rolled_ply
 
 
@@ -313,6 +314,21 @@ def test_fibres_on_the_ply_itself_are_in_the_users_elements(tmp_path):
     np.testing.assert_allclose(warp, np.degrees(0.3) - 90, atol=0.05)
     np.testing.assert_allclose(weft, np.degrees(0.3), atol=0.05)
     assert (fibres.normal[2] > 0).mean() > 0.9
+
+
+@pytest.mark.parametrize("mesh", [MeshQuad, MeshTri])
+def test_names_of_a_ply_in_space_are_sets_of_its_deck(tmp_path, mesh):
+    ply, u = rolled_ply(4, mesh=mesh)
+    named = ply.users_mesh.with_boundaries({"clamp": lambda x: x[0] == 0})
+    named = named.with_subdomains({"left half": lambda x: x[0] < 50})
+    ply = Ply(named, ply.fabric, ply.formulation, dimension=3)
+    write_fibres(tmp_path / "fibres.inp", drape.fibres_on_ply(ply, u))
+    read, _ = read_raw(tmp_path / "fibres.inp")
+    (clamp,) = read.point_sets.values()
+    assert list(read.point_sets) == ["clamp"]
+    np.testing.assert_array_equal(clamp, np.flatnonzero(named.p[0] == 0))
+    ((half,),) = (of for n, of in read.cell_sets.items() if n == "left half")
+    np.testing.assert_array_equal(half, named.subdomains["left half"])
 
 
 def test_a_wall_across_the_ply_has_no_fibres():
