@@ -269,7 +269,7 @@ class PartExport:
     def _on(self, sheet: Sheet, part: ToolMesh) -> FibresInSpace:
         return fibres_on_tool(sheet, part, reach=self.output.part_reach_mm)
 
-    def _covered(self, sheet: Sheet) -> ToolMesh:
+    def _covered(self, sheet: Sheet) -> list[ToolMesh]:
         """Connected pieces of the part on which the ply lies, without other skins."""
         assert self.part is not None
         cells, points = self.part.cells, self.part.points
@@ -277,8 +277,10 @@ class PartExport:
         edges = edges_of(cells)[0]
         piece = components(points.shape[1], edges)
         of_element = np.concatenate([piece[cell[0]] for cell in cells])
-        kept = np.isin(piece, of_element[covered])
-        return ToolMesh(points, tuple(cell[:, kept[cell[0]]] for cell in cells))
+        return [
+            ToolMesh(points, tuple(cell[:, piece[cell[0]] == k] for cell in cells))
+            for k in np.unique(of_element[covered])
+        ]
 
     def _with_layers(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.deck is None:
@@ -305,13 +307,19 @@ class PartExport:
             outer, *holes = self.curves
             reach = self.output.part_reach_mm
             patterns = [flat_pattern(sheet, outer, holes=holes, reach=reach)]
-            area = patterns[0].area
-        else:  # holes of the part have the opposite orientation
+        else:
             assert self.part is not None
-            reach, covered = self._reach(sheet, self.part), self._covered(sheet)
-            curves = covered.boundary()
-            patterns = [flat_pattern(sheet, x, reach=reach) for x in curves]
-            area = abs(sum(one.signed_area for one in patterns))
+            reach, patterns = self._reach(sheet, self.part), []
+            for piece in self._covered(sheet):
+                outer, *holes = sorted(piece.boundary(), key=_extent, reverse=True)
+                patterns.append(flat_pattern(sheet, outer, holes=holes, reach=reach))
         write_patterns(folder, patterns, self.kinds)
-        length = sum(pattern.length for pattern in patterns)
-        return {"pattern_area_mm2": area, "pattern_length_mm": length}
+        return {
+            "pattern_area_mm2": sum(pattern.area for pattern in patterns),
+            "pattern_length_mm": sum(pattern.length for pattern in patterns),
+        }
+
+
+def _extent(curve: ndarray) -> float:
+    """Diagonal of the bounding box of a curve in mm."""
+    return float(np.linalg.norm(np.ptp(curve, axis=1)))

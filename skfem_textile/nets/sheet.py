@@ -10,7 +10,9 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..fabric import kinematics as kin
+from ..mesh.checks import MeshError
 from ..mesh.graph import boundary_edges, edges_once
+from ..mesh.overlap import signed_areas
 from ..mesh.splitting import sets_of
 from ..ply import Ply
 from ..surfaces.analytic import positive_length, three_numbers
@@ -21,6 +23,7 @@ from ..surfaces.tool_mesh import (
     ToolMesh,
     closest_on_triangles,
     edge_lengths,
+    loops,
     unit,
 )
 from .crossings import Net
@@ -84,6 +87,9 @@ class Sheet:
         Nodes of the elements, shape (3, n_elements) or (4, n_elements).
     warp, weft
         Unit directions of the fibres in the flat ply, shape (2, n_elements).
+    is_net
+        True if elements may be missing where a net was not laid: gaps between elements
+        are then not holes of the ply.
 
     Examples
     --------
@@ -101,6 +107,7 @@ class Sheet:
     elements: ndarray
     warp: ndarray
     weft: ndarray
+    is_net: bool = False
 
     @classmethod
     def of_ply(cls, ply: Ply, u: ndarray, axes: Axes = SAME_AXES) -> "Sheet":
@@ -153,7 +160,8 @@ class Sheet:
             first += nodes.size
         joined = np.hstack(elements)
         fibres = piece.fibres(joined.shape[1])
-        return cls(np.hstack(flat), np.hstack(positions), joined, *fibres)
+        both = np.hstack(flat), np.hstack(positions)
+        return cls(*both, joined, *fibres, is_net=True)
 
     @property
     def _elements(self) -> Elements:
@@ -163,6 +171,28 @@ class Sheet:
     def longest_edge(self) -> float:
         """Length of the longest edge in space in mm."""
         return float(edge_lengths(self.positions, self.elements).max())
+
+    @cached_property
+    def holes(self) -> list[ndarray]:
+        """Nodes around each hole of the ply; none of a net.
+
+        Raises
+        ------
+        ValueError
+            If a hole meets another one, or the edge of the ply, at a node.
+        """
+        if self.is_net:
+            return []
+        clockwise = signed_areas(*self.flat[:, self.elements]) < 0
+        cells = np.where(clockwise, self.elements[::-1], self.elements)
+        try:
+            around = loops(self.flat, [cells])
+        except MeshError:
+            raise ValueError(
+                "sheet: a hole of the ply meets another one, or the edge, at a node: "
+                "move them apart"
+            ) from None
+        return [nodes for nodes in around if signed_areas(*self.flat[:, nodes]) < 0]
 
     @cached_property
     def _tree(self) -> "ElementTree":
