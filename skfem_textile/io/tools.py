@@ -34,6 +34,10 @@ Unit: TypeAlias = Literal["mm", "cm", "m", "in"]
 # mould of half of the blade of a small wind turbine.
 _LEAST, _MOST = 5.0, 20e3
 
+# Extent in mm below which an assumed unit is named: many dies in cm or inches are so
+# small, and few in mm.
+_SMALL = 40.0
+
 # Units that a file without one may have, the most frequent first.
 _UNITS = ("m", "in", "cm")
 
@@ -110,9 +114,15 @@ def read_surface(
             x = np.hstack([scale * x for scale, x, _ in parts])
         t = np.hstack([n + t for n, (*_, t) in zip(first, parts, strict=False)])
         surface = TriangleMesh(x, t)
-    doubt = _doubt(float(np.ptp(surface.facets.points, axis=1).max()), known)
+    extent = float(np.ptp(surface.facets.points, axis=1).max())
+    doubt = _doubt(extent, known)
     if doubt and certain and not known:
         raise MeshError(f"{printable(name)}: {doubt}")
+    if not (known or doubt) and extent < _SMALL:
+        doubt = (
+            f"the tool is assumed in mm and extends over {extent:.3g} mm: specify its "
+            "unit (--unit) if this is not so"
+        )
     for line in filter(None, (doubt, *surface.remarks)):
         log.warning("%s: %s", printable(name), line)
     return surface
