@@ -25,8 +25,8 @@ from ..mesh.checks import MeshError
 from ..mesh.graph import components, edges_of
 from ..mesh.requirements import is_installed, lacks, require
 from ..mesh.user_input import printable
-from ..nets.flat_pattern import FlatPattern, flat_pattern, refuse_holes
-from ..nets.sheet import REACH, FibresInSpace, Sheet, fibres_on_tool
+from ..nets.flat_pattern import FlatPattern, flat_pattern, points_on_ply
+from ..nets.sheet import FibresInSpace, Sheet, default_reach, fibres_on_tool
 from ..solve.quantities import Quantity, first_rows
 from ..surfaces.tool_mesh import ToolMesh
 from .extents import trimming_curves, warn_of_curves, warn_of_part
@@ -341,13 +341,12 @@ class PartExport:
 
     def _reach(self, sheet: Sheet, part: ToolMesh) -> float:
         """Largest distance of the part from the ply in mm."""
-        longest = max(sheet.longest_edge, float(part.longest_edges().max()))
-        return self.output.part_reach_mm or REACH * longest
+        return self.output.part_reach_mm or default_reach(sheet, part)
 
     def _on(self, sheet: Sheet, part: ToolMesh) -> FibresInSpace:
         return fibres_on_tool(sheet, part, reach=self.output.part_reach_mm)
 
-    def _covered(self, sheet: Sheet) -> ToolMesh:
+    def _covered(self, sheet: Sheet) -> list[ToolMesh]:
         """Connected pieces of the part on which the ply lies, without other skins."""
         assert self.part is not None
         cells, points = self.part.cells, self.part.points
@@ -355,8 +354,10 @@ class PartExport:
         edges = edges_of(cells)[0]
         piece = components(points.shape[1], edges)
         of_element = np.concatenate([piece[cell[0]] for cell in cells])
-        kept = np.isin(piece, of_element[covered])
-        return ToolMesh(points, tuple(cell[:, kept[cell[0]]] for cell in cells))
+        return [
+            ToolMesh(points, tuple(cell[:, piece[cell[0]] == k] for cell in cells))
+            for k in np.unique(of_element[covered])
+        ]
 
     def _with_layers(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         assert self.deck is not None  # see `names`
@@ -381,24 +382,29 @@ class PartExport:
     def _pattern(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.no_curves:
             raise ValueError(self.no_curves)
-        trim, reach = self.output.trim, self.output.part_reach_mm
+        trim, reach, patterns = self.output.trim, self.output.part_reach_mm, []
         if trim is not None:
-            found = []
             files = (trim,) if isinstance(trim, str) else trim
             for file, curve in zip(files, self.curves, strict=True):
                 with errors_about(file):
-                    found.append(flat_pattern(sheet, curve, reach=reach))
-            outer, holes = found[0], tuple(found[1:])
-            refuse_holes(outer, holes)
-            patterns = [replace(outer, holes=holes)]
-            area = patterns[0].area
-        else:  # holes of the part have the opposite orientation
+                    points_on_ply(sheet, curve, reach)
+            outer, *holes = self.curves
+            patterns.append(flat_pattern(sheet, outer, holes=holes, reach=reach))
+        else:
             assert self.part is not None
-            reach, covered = self._reach(sheet, self.part), self._covered(sheet)
+            reach = self._reach(sheet, self.part)
             with errors_about(f"boundary of the part {self.named}"):
-                curves = covered.boundary()
-                patterns = [flat_pattern(sheet, x, reach=reach) for x in curves]
-            area = abs(sum(one.signed_area for one in patterns))
+                for piece in self._covered(sheet):
+                    outer, *holes = sorted(piece.boundary(), key=_extent, reverse=True)
+                    pattern = flat_pattern(sheet, outer, holes=holes, reach=reach)
+                    patterns.append(pattern)
         write_patterns(folder, patterns, self.kinds)
-        length = sum(pattern.length for pattern in patterns)
-        return {"pattern_area_mm2": area, "pattern_length_mm": length}
+        return {
+            "pattern_area_mm2": sum(pattern.area for pattern in patterns),
+            "pattern_length_mm": sum(pattern.length for pattern in patterns),
+        }
+
+
+def _extent(curve: ndarray) -> float:
+    """Diagonal of the bounding box of a curve in mm."""
+    return float(np.linalg.norm(np.ptp(curve, axis=1)))

@@ -18,7 +18,7 @@ from ..mesh.graph import boundary_edges
 from ..mesh.progress import log_to_stderr, shown
 from ..mesh.user_input import IN_MM, coords, printable
 from ..nets.course import side_by_side
-from ..nets.crossings import Net
+from ..nets.crossings import Net, NetError
 from ..nets.flat_pattern import FlatPattern, spaced
 from ..nets.part import first_layer
 from ..nets.sheet import REACH, Sheet, fibres_on_tool
@@ -356,8 +356,24 @@ def _of_outline(
         return ply._replace(patterns=[_pattern(part, curves)])
     except ValueError as error:
         extent = " x ".join(f"{x:.4g}" for x in np.ptp(outline.polygon, axis=1))
-        reason = f"{printable(file)}: outline of {extent} mm: {error}"
+        reason = str(error)
+        if isinstance(error, NetError) and not (net.folds.size or net.leaves.size):
+            place = _on_edge(part.tool, error.position)
+            reason = (
+                f"the ply runs off the edge of the tool at {coords(place)} mm: move "
+                "the start with --point, or specify a smaller ply"
+            )
+        reason = f"{printable(file)}: outline of {extent} mm: {reason}"
         return ply._replace(no_pattern=reason)
+
+
+def _on_edge(tool: TriangleMesh, x: ndarray) -> ndarray:
+    """Point on the edges of a tool closest to a point, shape (3,)."""
+    start, end = tool.facets.points[:, boundary_edges(tool.facets.cells)].swapaxes(0, 1)
+    along, away = end - start, x[:, None] - start
+    share = np.clip((away * along).sum(axis=0) / (along**2).sum(axis=0), 0.0, 1.0)
+    places = start + share * along
+    return np.asarray(places[:, np.linalg.norm(places.T - x, axis=1).argmin()])
 
 
 def _uncut_angle(part: Part, uncut: Net, curves: Sequence[ndarray]) -> float | None:

@@ -114,6 +114,9 @@ _TYPES = {
     ("line", 2): "T2D2 T2D2H T3D2 T3D2H B21 B21H B31 B31H",
     ("triangle", 3): "CPS3 STRI3 S3 S3R S3RS R3D3 M3D3",
     ("quad", 4): "CPS4 CPS4R S4 S4R S4RS S4RSW S4R5 CAX4P M3D4 M3D4R",
+    ("triangle6", 6): "STRI65 S6 M3D6",
+    ("quad8", 8): "S8 S8R S8R5 S8RT M3D8 M3D8R",
+    ("quad9", 9): "S9R5 M3D9 M3D9R",
 }
 _CELLS = {name: cell for cell, names in _TYPES.items() for name in names.split()}
 

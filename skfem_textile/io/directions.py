@@ -15,8 +15,7 @@ from skfem import Mesh
 from ..fabric.directions import FibreDirections
 from ..fabric.laws.tabulated import lines_of
 from ..mesh.checks import MeshError
-from ..mesh.selection import named_nodes
-from ..mesh.splitting import original_elements
+from ..mesh.splitting import original_elements, sets_of
 from ..mesh.user_input import excerpt, number_of_text
 from . import abaqus
 from .abaqus import SECTIONS, WARP, WEFT, Block, Deck, blocks, without_trailing_comma
@@ -169,7 +168,7 @@ def write_directions(
         If the file cannot be written.
     """
     path, points = Path(path), mesh.p if points is None else points
-    cells, parent = original_elements(mesh)
+    cells, _ = original_elements(mesh)
     directions.refuse_other(cells)
     warp, weft, nodes = (
         in_space(x.T).T for x in (directions.warp, directions.weft, points)
@@ -187,32 +186,12 @@ def write_directions(
     elif suffix == ".inp":
         normal = np.zeros_like(warp)
         normal[2] = 1.0
-        deck = abaqus.deck_of(
-            cells, nodes, warp, weft, normal, *_sets(mesh, cells, parent)
-        )
+        deck = abaqus.deck_of(cells, nodes, warp, weft, normal, *sets_of(mesh))
         path.write_text(deck, encoding="utf-8")
     else:
         raise ValueError(
             f"{path}: fibre directions can be written only to .vtu, .csv, .inp files"
         )
-
-
-def _sets(
-    mesh: Mesh, cells: tuple[ndarray, ...], parent: ndarray
-) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
-    """Nodes of boundaries and named nodes, and the elements of subdomains."""
-    n_nodes = 1 + max(cell.max() for cell in cells)
-    nodes = {
-        name: mesh.facets[:, np.asarray(edges)].ravel()
-        for name, edges in (mesh.boundaries or {}).items()
-    }
-    for name, members in named_nodes(mesh).items():
-        nodes[name] = np.concatenate([nodes.get(name, members[:0]), members])
-    parts = {
-        name: np.unique(parent[np.asarray(members)])
-        for name, members in (mesh.subdomains or {}).items()
-    }
-    return {name: np.unique(at[at < n_nodes]) for name, at in nodes.items()}, parts
 
 
 # Parameters of an orientation besides its name, with their only supported values.

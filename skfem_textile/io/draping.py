@@ -42,8 +42,9 @@ def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
     which the angles ``warp_angle_deg`` and ``weft_angle_deg`` refer,
     ``shear_angle_deg``, and ``covered``, 1 or 0.  A .csv has the angles at the centre
     of each element.  An Abaqus .inp has a distribution and an orientation for each
-    family.  Elements are numbered from 1 on.  Elements not covered by the ply have NaN
-    in a .vtu, empty cells in a .csv, and form the set ``NOT_COVERED`` in a .inp.
+    family, and the sets.  Elements are numbered from 1 on.  Elements not covered by the
+    ply have NaN in a .vtu, empty cells in a .csv, and form the set ``NOT_COVERED`` in a
+    .inp.
 
     Parameters
     ----------
@@ -78,7 +79,8 @@ def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
         write_table(path, ("element", "x", "y", "z", "covered", *_MEASURES), rows)
     elif suffix == ".inp":
         directions = fibres.warp, fibres.weft, fibres.normal
-        deck = deck_of(mesh.cells, mesh.points, *directions)
+        sets = fibres.node_sets, fibres.element_sets
+        deck = deck_of(mesh.cells, mesh.points, *directions, *sets)
         path.write_text(deck, encoding="utf-8")
     else:
         raise ValueError(

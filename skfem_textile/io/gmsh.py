@@ -26,6 +26,10 @@ CELL_TYPES = {
     1: ("line", 1, 2),
     2: ("triangle", 2, 3),
     3: ("quad", 2, 4),
+    8: ("line3", 1, 3),
+    9: ("triangle6", 2, 6),
+    10: ("quad9", 2, 9),
+    16: ("quad8", 2, 8),
 }
 
 # Cells by dimension.

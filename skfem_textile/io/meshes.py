@@ -47,7 +47,12 @@ _READERS = {
 }
 
 #: Names of cells in messages.
-CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
+CELL_NAMES = {
+    "quad": "quadrilateral",
+    "line": "edge",
+    "line3": "edge",
+    "vertex": "point",
+}
 
 
 def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mesh:

@@ -35,11 +35,18 @@ Unit: TypeAlias = Literal["mm", "cm", "m", "in"]
 # mould of half of the blade of a small wind turbine.
 _LEAST, _MOST = SMALLEST, 20e3
 
+# Extent in mm below which an assumed unit is named: many dies in cm or inches are so
+# small, and few in mm.
+_SMALL = 40.0
+
 # Units that a file without one may have, the most frequent first.
 _UNITS = ("m", "in", "cm")
 
 # Bytes of the header and of a triangle of a binary STL file.
 _HEADER, _TRIANGLE = 84, 50
+
+# Corners of cells of a surface.  Those of quadratic cells are their first nodes.
+_CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
 _OF_TRIMESH = (".ply", ".obj", ".3mf")
 _EXACT = (".step", ".stp", ".iges", ".igs", ".brep", ".x_t", ".sat")
@@ -108,9 +115,15 @@ def read_surface(
             x = np.hstack([scale * x for scale, x, _ in parts])
         t = np.hstack([n + t for n, (*_, t) in zip(first, parts, strict=False)])
         surface = TriangleMesh(x, t)
-    doubt = _doubt(float(np.ptp(surface.facets.points, axis=1).max()), known)
+    extent = float(np.ptp(surface.facets.points, axis=1).max())
+    doubt = _doubt(extent, known)
     if doubt and certain and not known:
         raise MeshError(f"{printable(name)}: {doubt}")
+    if not (known or doubt) and extent < _SMALL:
+        doubt = (
+            f"the tool is assumed in mm and extends over {extent:.3g} mm: specify its "
+            "unit (--unit) if this is not so"
+        )
     for line in filter(None, (doubt, *surface.remarks)):
         log.warning("%s: %s", printable(name), line)
     return surface
@@ -206,7 +219,8 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
 def read_tool_mesh(path: _PathLike) -> ToolMesh:
     """Read the triangles and quadrilaterals of a tool, in the order of the file.
 
-    A warning in the log ``skfem_textile`` lists what is ignored.
+    Quadratic elements are read by their corners.  A warning in the log
+    ``skfem_textile`` lists what is ignored.
 
     Parameters
     ----------
@@ -243,12 +257,12 @@ def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
     raw, ignored = read_raw(Path(path))
     others = Counter[str]()
     for block in raw.cells:
-        if block.type not in ("triangle", "quad") and len(block.data):
+        if block.type not in _CORNERS and len(block.data):
             others[CELL_NAMES.get(block.type, block.type)] += len(block.data)
     cells = tuple(
-        np.asarray(block.data, dtype=int).T
+        np.asarray(block.data, dtype=int).T[: _CORNERS[block.type]]
         for block in raw.cells
-        if block.type in ("triangle", "quad")
+        if block.type in _CORNERS
     )
     if not any(map(np.size, cells)):
         raise MeshError("the file contains no triangles or quadrilaterals")

@@ -27,7 +27,7 @@ SKFEM = "skfem:"
 _VERSIONS = ("1.0", "2.0", "3.0", "4.0", "4.1", "4.2", "5.1")
 
 # Numbers of nodes of supported cells, by VTK type number.
-_N_CORNERS = {1: 1, 3: 2, 5: 3, 9: 4}
+_N_NODES = {1: 1, 3: 2, 5: 3, 9: 4, 21: 3, 22: 6, 23: 8, 28: 9}
 
 # Number types; binary ones are big-endian.
 _LEGACY_TYPES = {
@@ -48,13 +48,13 @@ def cells_of(
     ``types`` are VTK type numbers of the cells, ``connectivity`` the concatenated nodes
     of the cells, and ``offsets`` the start of each and the end of the last.
     """
-    if not set(types.tolist()) <= set(_N_CORNERS):
+    if not set(types.tolist()) <= set(_N_NODES):
         names = {vtk_to_meshio_type.get(t, f"type {t}") for t in types.tolist()}
         raise MeshError(
             "only triangles and four-node quadrilaterals are supported, found "
             + ", ".join(sorted(names))
         )
-    corners = np.array([_N_CORNERS[t] for t in types.tolist()], dtype=int)
+    corners = np.array([_N_NODES[t] for t in types.tolist()], dtype=int)
     if offsets[0] != 0 or offsets[-1] != len(connectivity):
         raise MeshError("the offsets do not cover all listed nodes")
     if not np.array_equal(np.diff(offsets), corners):

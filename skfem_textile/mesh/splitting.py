@@ -484,3 +484,20 @@ def original_elements(mesh: Mesh) -> tuple[tuple[ndarray, ...], ndarray]:
     if was_changed(mesh):
         return original_elements(mesh.original)[0], mesh.parent
     return (mesh.t,), np.arange(mesh.nelements)
+
+
+def sets_of(mesh: Mesh) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
+    """Nodes of boundaries and named nodes, and original elements of subdomains."""
+    cells, parent = original_elements(mesh)
+    n_nodes = 1 + max(cell.max() for cell in cells)
+    nodes = {
+        name: mesh.facets[:, np.asarray(edges)].ravel()
+        for name, edges in (mesh.boundaries or {}).items()
+    }
+    for name, members in named_nodes(mesh).items():
+        nodes[name] = np.concatenate([nodes.get(name, members[:0]), members])
+    parts = {
+        name: np.unique(parent[np.asarray(members)])
+        for name, members in (mesh.subdomains or {}).items()
+    }
+    return {name: np.unique(at[at < n_nodes]) for name, at in nodes.items()}, parts

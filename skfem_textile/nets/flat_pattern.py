@@ -1,5 +1,6 @@
 """Flat pattern of a trimmed part, with or without darts: the outline to cut."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,6 +20,8 @@ from .sheet import Sheet, SheetPoints
 
 if TYPE_CHECKING:
     from .darts import NetWithDarts
+
+log = logging.getLogger(__name__)
 
 # Spacing of points added to a curve, relative to the longest edge of the ply.  The
 # pattern then has kinks only at nodes of the ply.
@@ -117,6 +120,9 @@ def flat_pattern(
 ) -> FlatPattern:
     """Outline in the flat ply of a curve that trims the part on the tool.
 
+    Holes of the ply inside the curve are holes of the pattern, and a warning in the log
+    ``skfem_textile`` names each.  Of a net, cells that were not laid are filled.
+
     Parameters
     ----------
     sheet
@@ -161,12 +167,41 @@ def flat_pattern(
     if reach is not None:
         reach = positive_length("flat pattern: reach", reach)
     outer = _outlined(sheet, curve, spacing, reach)
-    if not len(holes):
+    if not (len(holes) or sheet.holes):
         return outer
     require("a flat pattern with holes", "outlines", "shapely")
     inner = tuple(_outlined(sheet, hole, spacing, reach) for hole in holes)
     refuse_holes(outer, inner)
+    if own := _holes_of_ply(sheet, outer, inner):
+        inner += own
+        refuse_holes(outer, inner)
     return replace(outer, holes=inner)
+
+
+def _holes_of_ply(
+    sheet: Sheet, outer: FlatPattern, holes: tuple[FlatPattern, ...]
+) -> tuple[FlatPattern, ...]:
+    """Holes of a ply inside an outline and outside of other holes, each logged."""
+    from shapely import Polygon
+
+    # Curves lie on the ply: a hole of it is inside or outside, except for chords.
+    left = Polygon(outer.outline.T, [hole.outline.T for hole in holes])
+    element = np.zeros(sheet.flat.shape[1], dtype=int)
+    element[sheet.elements] = np.arange(sheet.elements.shape[1])
+    found = []
+    for nodes in sheet.holes:
+        cut = Polygon(sheet.flat[:, nodes].T)
+        if left.intersection(cut).area < 0.5 * cut.area:
+            continue
+        at, x = element[nodes], sheet.positions[:, nodes]
+        fibres = sheet.warp[:, at], sheet.weft[:, at]
+        found.append(FlatPattern(sheet.flat[:, nodes], x, *fibres))
+        log.warning(
+            "flat pattern: the ply has a hole of %.3g mm² about %s mm inside the "
+            "curve: it is cut out of the pattern",
+            *(cut.area, coords(x.mean(axis=1))),
+        )
+    return tuple(found)
 
 
 def _outlined(
@@ -175,9 +210,9 @@ def _outlined(
     """Outline of one curve."""
     points = _closed(curve)
     # Before points are added, a distant curve is refused.
-    _points_on_ply(sheet, points, reach)
+    points_on_ply(sheet, points, reach)
     points = spaced(points, spacing)
-    places = _points_on_ply(sheet, points, reach)
+    places = points_on_ply(sheet, points, reach)
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
     outline = sheet.flat_at(places)
     steps = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=0)
@@ -220,7 +255,7 @@ def refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
         left = left.difference(cut)
 
 
-def _points_on_ply(sheet: Sheet, points: ndarray, reach: float | None) -> SheetPoints:
+def points_on_ply(sheet: Sheet, points: ndarray, reach: float | None) -> SheetPoints:
     """Points of the ply at points of a curve, (3, n), which must lie on it."""
     places = sheet.at(points, reach)
     off = np.flatnonzero(~places.found)

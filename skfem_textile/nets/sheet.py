@@ -1,7 +1,7 @@
 """Draped ply as elements in space: its points at points of a tool, and its fibres."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
@@ -10,7 +10,10 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..fabric import kinematics as kin
-from ..mesh.graph import boundary_edges
+from ..mesh.checks import MeshError
+from ..mesh.graph import boundary_edges, edges_once
+from ..mesh.overlap import signed_areas
+from ..mesh.splitting import sets_of
 from ..ply import Ply
 from ..surfaces.analytic import positive_length, three_numbers
 from ..surfaces.surface import SAME_AXES, Axes
@@ -20,6 +23,7 @@ from ..surfaces.tool_mesh import (
     ToolMesh,
     closest_on_triangles,
     edge_lengths,
+    loops,
     unit,
 )
 from .crossings import Net
@@ -28,6 +32,10 @@ from .crossings import Net
 # accepted: between two elements that meet at an angle, up to 50°, a point has no other
 # foot.
 _BETWEEN = 0.5
+
+# The same at the edge of the ply, to which the offset must be normal there: for
+# elements that turn by 12°.  Distances count up to `REACH`.
+_BESIDE = 0.1
 
 # Tolerance of an element edge, relative to the longest edge.
 _ON_EDGE = 1e-6
@@ -79,6 +87,9 @@ class Sheet:
         Nodes of the elements, shape (3, n_elements) or (4, n_elements).
     warp, weft
         Unit directions of the fibres in the flat ply, shape (2, n_elements).
+    is_net
+        True if elements may be missing where a net was not laid: gaps between elements
+        are then not holes of the ply.
 
     Examples
     --------
@@ -96,6 +107,7 @@ class Sheet:
     elements: ndarray
     warp: ndarray
     weft: ndarray
+    is_net: bool = False
 
     @classmethod
     def of_ply(cls, ply: Ply, u: ndarray, axes: Axes = SAME_AXES) -> "Sheet":
@@ -148,7 +160,8 @@ class Sheet:
             first += nodes.size
         joined = np.hstack(elements)
         fibres = piece.fibres(joined.shape[1])
-        return cls(np.hstack(flat), np.hstack(positions), joined, *fibres)
+        both = np.hstack(flat), np.hstack(positions)
+        return cls(*both, joined, *fibres, is_net=True)
 
     @property
     def _elements(self) -> Elements:
@@ -158,6 +171,28 @@ class Sheet:
     def longest_edge(self) -> float:
         """Length of the longest edge in space in mm."""
         return float(edge_lengths(self.positions, self.elements).max())
+
+    @cached_property
+    def holes(self) -> list[ndarray]:
+        """Nodes around each hole of the ply; none of a net.
+
+        Raises
+        ------
+        ValueError
+            If a hole meets another one, or the edge of the ply, at a node.
+        """
+        if self.is_net:
+            return []
+        clockwise = signed_areas(*self.flat[:, self.elements]) < 0
+        cells = np.where(clockwise, self.elements[::-1], self.elements)
+        try:
+            around = loops(self.flat, [cells])
+        except MeshError:
+            raise ValueError(
+                "sheet: a hole of the ply meets another one, or the edge, at a node: "
+                "move them apart"
+            ) from None
+        return [nodes for nodes in around if signed_areas(*self.flat[:, nodes]) < 0]
 
     @cached_property
     def _tree(self) -> "ElementTree":
@@ -170,6 +205,8 @@ class Sheet:
         rank: ndarray | None = None,
     ) -> SheetPoints:
         """Points of the sheet at points of a tool: feet of perpendiculars.
+
+        A point beside the ply, nearest to its edge, has none.
 
         Parameters
         ----------
@@ -187,22 +224,52 @@ class Sheet:
         reach = REACH * self.longest_edge if reach is None else reach
         most = np.broadcast_to(np.asarray(reach, dtype=float), n)
         point, element = self._tree.pairs(points, most)
-        local, away = self._elements.feet(self.positions, points[:, point], element)
-        distance = np.linalg.norm(away, axis=0)
-        outside = self._elements.outside(local) * 2 * self._tree.radii[element]
-        allowed = _ON_EDGE * self.longest_edge + _BETWEEN * distance
-        accepted = (outside <= allowed) & (distance <= most[point])
+        local = self._elements.feet(self.positions, points[:, point], element)
+        inside = self._elements.inside(local)
+        closest = self._elements.between(self.positions, element, inside)
+        distance = np.linalg.norm(points[:, point] - closest, axis=0)
+        beyond = self._elements.beyond(local) * 2 * self._tree.radii[element]
+        outside, on_edge = beyond.max(axis=0), _ON_EDGE * self.longest_edge
+        beside = _BESIDE * np.minimum(distance, REACH * self.longest_edge)
+        at_rim = self._at_rim[:, element]
+        wide = beyond > on_edge + np.where(at_rim, beside, _BETWEEN * distance)
+        accepted = ~wide.any(axis=0) & (distance <= most[point])
+        rim = self._nearest_rim(points, point, element, wide & at_rim)
+        accepted &= (outside <= on_edge) | (distance < (1 - _ON_EDGE) * rim[point])
         # The chosen element of each point is written last.
         last = distance + outside if rank is None else rank[element]
         order = np.flatnonzero(accepted)[np.argsort(-last[accepted])]
         chosen = np.full(n, -1)
         chosen[point[order]] = order
         feet = SheetPoints(np.full(n, -1), np.full((2, n), np.nan), np.full(n, np.inf))
-        inside, chosen = chosen >= 0, chosen[chosen >= 0]
-        feet.element[inside] = element[chosen]
-        feet.local[:, inside] = self._elements.inside(local[:, chosen])
-        feet.distance[inside] = distance[chosen]
+        found, chosen = chosen >= 0, chosen[chosen >= 0]
+        feet.element[found] = element[chosen]
+        feet.local[:, found] = inside[:, chosen]
+        feet.distance[found] = distance[chosen]
         return feet
+
+    @cached_property
+    def _at_rim(self) -> ndarray:
+        """Mask of the sides of elements on the edge of the ply, as `edge_lengths`."""
+        _, _, number, count = edges_once([self.elements])
+        return (count[number] == 1).reshape(self.elements.shape)
+
+    def _nearest_rim(
+        self, points: ndarray, point: ndarray, element: ndarray, sides: ndarray
+    ) -> ndarray:
+        """Distance of points from their nearest side of a mask, (n_corners, n_pairs).
+
+        Infinite without one, shape (n_points,).
+        """
+        side, pair = np.nonzero(sides)
+        ends = (side, np.roll(np.arange(len(sides)), -1)[side])
+        start, end = (self.positions[:, self.elements[k, element[pair]]] for k in ends)
+        along, away = end - start, points[:, point[pair]] - start
+        share = np.clip((away * along).sum(axis=0) / (along**2).sum(axis=0), 0.0, 1.0)
+        nearest = np.full(points.shape[1], np.inf)
+        distance = np.linalg.norm(away - share * along, axis=0)
+        np.minimum.at(nearest, point[pair], distance)
+        return nearest
 
     def flat_at(self, points: SheetPoints) -> ndarray:
         """Points in the flat ply in mm, shape (2, n); NaN if there is none."""
@@ -308,6 +375,8 @@ class FibresInSpace:
     axis
         Reference axis of the angles, projected into the plane of each element, shape
         (3,).
+    node_sets, element_sets
+        Nodes and elements by name: boundaries, named nodes and subdomains of a ply.
     """
 
     mesh: ToolMesh
@@ -316,6 +385,8 @@ class FibresInSpace:
     weft: ndarray
     shear_angle: ndarray
     axis: ndarray
+    node_sets: Mapping[str, ndarray] = field(default_factory=dict)
+    element_sets: Mapping[str, ndarray] = field(default_factory=dict)
 
     @property
     def covered(self) -> ndarray:
@@ -372,7 +443,7 @@ def fibres_on_tool(
         Reference axis of the angles, projected into the plane of each element.
     reach
         Largest distance in mm between the centre of an element and the ply on it; by
-        default a quarter of the longer of the longest edges of ply and element.
+        default a quarter of the longest edge of ply or tool.
 
     Raises
     ------
@@ -381,11 +452,9 @@ def fibres_on_tool(
     """
     along = _axis(axis)
     if reach is None:
-        most = REACH * np.maximum(tool.longest_edges(), sheet.longest_edge)
-    else:
-        reach = positive_length("fibres on a tool: reach", reach)
-        most = np.full(tool.n_elements, reach)
-    places = sheet.at(tool.centres(), most)
+        reach = default_reach(sheet, tool)
+    reach = positive_length("fibres on a tool: reach", reach)
+    places = sheet.at(tool.centres(), reach)
     if not places.found.any():
         raise ValueError(
             "fibres on a tool: no element of the tool is within reach of the ply: "
@@ -405,6 +474,11 @@ def fibres_on_tool(
     warp, weft, angle = (np.where(across, np.nan, field) for field in fibres)
     warp, weft = (_in_plane(v, normal) for v in (warp, weft))
     return FibresInSpace(tool, normal, warp, weft, angle, along)
+
+
+def default_reach(sheet: Sheet, tool: ToolMesh) -> float:
+    """Default distance from a ply up to which it covers elements of a tool in mm."""
+    return REACH * max(sheet.longest_edge, float(tool.longest_edges().max()))
 
 
 def _on_other_skin(
@@ -468,7 +542,8 @@ def fibres_on_ply(
     directions = ply.fibre_direction(u, ply.centre)[..., 0]
     warp, weft = (_in_plane(ply.on_users_elements(a), normal) for a in directions)
     angle = ply.on_users_elements(ply.shear_angle(u, ply.centre)[:, 0])
-    return FibresInSpace(mesh, normal, warp, weft, angle, along)
+    sets = sets_of(ply.users_mesh)
+    return FibresInSpace(mesh, normal, warp, weft, angle, along, *sets)
 
 
 def _axis(axis: ArrayLike) -> ndarray:

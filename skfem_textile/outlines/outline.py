@@ -377,7 +377,8 @@ class Outline:
             return read(path, tolerance, unit, layer, **more)
         if Path(path).suffix.lower() not in _TABLES:
             raise ValueError(
-                f"{what}: an outline is read from .dxf, .svg and .csv files"
+                f"{what} contains no DXF or SVG drawing: an outline is read from .dxf, "
+                ".svg and .csv files"
             )
         if layer is not None:
             raise ValueError(f"{what} is a table, which has no layers: omit them")

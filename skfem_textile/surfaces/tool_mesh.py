@@ -33,12 +33,10 @@ class Elements:
 
     nodes: ndarray
 
-    def feet(
-        self, positions: ndarray, points: ndarray, element: ndarray
-    ) -> tuple[ndarray, ndarray]:
+    def feet(self, positions: ndarray, points: ndarray, element: ndarray) -> ndarray:
         """Orthogonal projections of points onto elements, possibly beyond their edges.
 
-        Returns local coordinates, and the vectors to the points.
+        Returns local coordinates, shape (2, n).
         """
         centre = self.corners.mean(axis=0)[:, None]
         local, left = np.tile(centre, len(element)), np.arange(len(element))
@@ -56,14 +54,14 @@ class Elements:
             left = left[np.abs(local[:, left] - before).max(axis=0) > _ROUND_OFF]
             if not left.size:
                 break
-        return local, points - self.between(positions, element, local)
+        return local
 
-    def outside(self, local: ndarray) -> ndarray:
-        """Distance of local coordinates from an element, 0 inside it."""
-        beyond = np.maximum(-local, 0.0).max(axis=0, initial=0.0)
-        if len(self.nodes) == 4:
-            return np.maximum(beyond, (local - 1).max(axis=0, initial=0.0))
-        return np.maximum(beyond, local.sum(axis=0) - 1)
+    def beyond(self, local: ndarray) -> ndarray:
+        """Distance of local coordinates beyond each side, 0 inside: (n_corners, n)."""
+        x, y = local
+        quad = len(self.nodes) == 4
+        sides = [-y, x - 1, y - 1, -x] if quad else [-y, x + y - 1, -x]
+        return np.maximum(sides, 0.0)
 
     def inside(self, local: ndarray) -> ndarray:
         """Local coordinates clipped to an element."""

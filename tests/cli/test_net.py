@@ -309,6 +309,19 @@ def test_an_outline_of_another_size_than_the_tool_is_told(
     assert text in "".join(capsys.readouterr()) + caplog.text
 
 
+def test_a_ply_that_runs_off_the_tool_is_told_where(tmp_path, tool):
+    (tmp_path / "ply.csv").write_text("\n".join(OUTLINE))
+    edge = np.ptp(read_surface(tool).facets.points[0]) / 2
+    x, z = edge - 10, (100**2 - (edge - 10) ** 2) ** 0.5 - 100
+    outline = f"--outline {tmp_path / 'ply.csv'} --cell 5 --point {x} 0 {z}"
+    reason = laid(tmp_path / "out", tool, outline, code=1)["pattern"]
+    found = re.search(r"runs off the edge of the tool at \((.*)\) mm: move", reason)
+    place = np.array(found[1].split(","), dtype=float)
+    assert read_surface(tool).from_triangles(place[:, None]) < 0.01
+    assert np.abs(place[:2]).max() == pytest.approx(edge)
+    assert "--point" in reason
+
+
 def test_a_ply_that_is_too_small_does_not_cover_the_trimmed_part(tmp_path, tool):
     (tmp_path / "ply.csv").write_text("\n".join(OUTLINE))
     curve = trim_box(tmp_path / "trim.csv", -30, -10, 30, 10)

@@ -134,7 +134,7 @@ def test_the_unit_of_a_3mf_file_is_used(tmp_path):
     [
         (1e-3, "if the file is in m, specify this unit"),
         (0.02, "if the file is in m, specify this unit"),
-        (0.1, ""),
+        (0.25, ""),
         (90.0, ""),
         (1e3, "export it in mm if this is not so"),
         (1e-9, "export it in mm if this is not so"),
@@ -149,6 +149,15 @@ def test_an_extent_that_indicates_another_unit_is_reported(
     assert all("assumed in mm" in line for line in caplog.messages)
     with pytest.raises(ValueError, match=advice) if advice else nullcontext():
         read_surface(file, certain=True)
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(0.1, None), (0.1, "mm"), (0.25, None)])
+def test_a_small_tool_without_a_unit_is_named(tmp_path, caplog, scale, unit):
+    file = stl(tmp_path, ascii_solid(scale * X, T))
+    read_surface(file, unit, certain=True)
+    line = "extends over 20 mm: specify its unit (--unit) if this is not so"
+    told = [line in text for text in caplog.messages]
+    assert told == ([True] if scale == 0.1 and unit is None else [])
 
 
 def test_an_extent_beyond_tools_is_reported_with_a_given_unit_too(tmp_path, caplog):

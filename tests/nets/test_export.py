@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import drape
+from skfem_textile import Ply, drape
 from skfem_textile.io import read_tool_mesh, write_fibres
+from skfem_textile.io.meshes import read_raw
 from tests.helpers.tools import SPHERE, exact_shear_angle, on_net, rolled, rolled_ply
 
 
@@ -93,6 +94,53 @@ def test_the_edge_of_the_ply_equals_the_edge_of_the_flat_ply(sheet):
     assert on_edge.distance.max() > 0.005
 
 
+def flat_tool(low, high, n, height):
+    return tool(lambda X: np.vstack([X, 0 * X[:1] + height]), low, high, n)
+
+
+@pytest.mark.parametrize("quads", [True, False])
+@pytest.mark.parametrize("height", [0.0, 4.0, -25.0])
+def test_elements_beside_the_ply_are_not_covered_at_any_distance(height, quads):
+    """Of a flat part over a flat ply, those whose centres are over it."""
+    flat = tool(lambda X: np.pad(X, ((0, 1), (0, 0))), 0, 40, 4, quads)
+    fibres = np.tile([[1.0], [0.0]], flat.n_elements)
+    cells = np.hstack(flat.cells)
+    sheet = drape.Sheet(flat.points[:2], flat.points, cells, fibres, fibres[::-1])
+    part = flat_tool(-30, 70, 50, height)
+    x, y, _ = part.centres()
+    over = (np.abs(x - 20) < 20) & (np.abs(y - 20) < 20)
+    covered = drape.fibres_on_tool(sheet, part, reach=30.0).covered
+    np.testing.assert_array_equal(covered, over)
+
+
+@pytest.mark.parametrize("radius", [66.0, 84.0])
+def test_elements_beside_a_curved_ply_are_not_covered(sheet, radius):
+    """Of a cylinder over the ply with the same axis."""
+
+    def over(X):
+        centre = np.array([[0.0], [0.0], [-60.0]])
+        return centre + (rolled(X) - centre) * [[radius / 60], [1], [radius / 60]]
+
+    s = np.linspace(-59, 159, 55)  # no centre is at the edge of the ply
+    s = 0.5 * (s[1:] + s[:-1])
+    inside = (np.abs(np.array(np.meshgrid(s, s)) - 50) < 50).all(axis=0)
+    part = tool(over, -59, 159, 54)
+    covered = drape.fibres_on_tool(sheet, part, reach=30.0).covered
+    np.testing.assert_array_equal(covered, inside.ravel())
+
+
+def test_the_default_reach_is_the_same_for_all_elements():
+    """A quarter of the longest edge of the part also for its small elements."""
+    sheet = drape.Sheet.of_net(drape.net(drape.Plane(), 2.0, (9, 9), (9, 9)))
+    large, small = flat_tool(-16, 0, 1, 0.0), flat_tool(2, 4, 1, 3.9)
+    points = np.hstack([large.points, small.points])
+    part = drape.ToolMesh(points, (np.hstack([large.cells[0], small.cells[0] + 4]),))
+    assert drape.fibres_on_tool(sheet, part).covered.all()
+    part.points[2, 4:] = 4.1
+    part = drape.ToolMesh(part.points, part.cells)
+    assert drape.fibres_on_tool(sheet, part).covered.tolist() == [True, False]
+
+
 def test_a_small_reach_excludes_the_other_side_of_a_thin_tool(sheet):
     below = tool(lambda X: rolled(X) - [[0], [0], [0.8]], 10, 40, 6)
     assert drape.fibres_on_tool(sheet, below).covered.all()
@@ -174,6 +222,32 @@ def test_a_tool_is_read_in_the_order_of_its_file(tmp_path):
     np.testing.assert_array_equal(read.cells[1], part.cells[0])
 
 
+def quadratic_file(file):
+    """A quadrilateral of eight nodes and a triangle of six beside it."""
+    x = np.array([[0, 0], [10, 0], [10, 10], [0, 10], [20, 0]], dtype=float)
+    sides = [[0, 1], [1, 2], [2, 3], [3, 0], [1, 4], [4, 2]]
+    points = np.pad(np.vstack([x, x[sides].mean(axis=1)]), ((0, 0), (0, 1)))
+    quad, triangle = [0, 1, 2, 3, 5, 6, 7, 8], [1, 4, 2, 9, 10, 6]
+    if file.suffix != ".inp":
+        cells = [("quad8", [quad]), ("triangle6", [triangle])]
+        options = {"file_format": "gmsh22"} if file.suffix == ".msh" else {}
+        meshio.write_points_cells(file, points, cells, **options)
+        return
+    lines = ["*NODE", *(f"{i}, {a}, {b}, {c}" for i, (a, b, c) in enumerate(points, 1))]
+    for n, (kind, nodes) in enumerate((("S8R", quad), ("STRI65", triangle)), 1):
+        words = ", ".join(str(k + 1) for k in nodes)
+        lines += [f"*ELEMENT, TYPE={kind}", f"{n}, {words}"]
+    file.write_text("\n".join(lines))
+
+
+@pytest.mark.parametrize("suffix", ["inp", "msh", "vtu"])
+def test_quadratic_elements_of_a_part_are_read_by_their_corners(tmp_path, suffix):
+    quadratic_file(tmp_path / f"part.{suffix}")
+    quads, triangles = read_tool_mesh(tmp_path / f"part.{suffix}").cells
+    assert quads.T.tolist() == [[0, 1, 2, 3]]
+    assert triangles.T.tolist() == [[1, 4, 2]]
+
+
 @pytest.fixture(scope="module")
 def fibres():
     """In a part that the ply covers in part."""
@@ -240,6 +314,21 @@ def test_fibres_on_the_ply_itself_are_in_the_users_elements(tmp_path):
     np.testing.assert_allclose(warp, np.degrees(0.3) - 90, atol=0.05)
     np.testing.assert_allclose(weft, np.degrees(0.3), atol=0.05)
     assert (fibres.normal[2] > 0).mean() > 0.9
+
+
+@pytest.mark.parametrize("mesh", [MeshQuad, MeshTri])
+def test_names_of_a_ply_in_space_are_sets_of_its_deck(tmp_path, mesh):
+    ply, u = rolled_ply(4, mesh=mesh)
+    named = ply.users_mesh.with_boundaries({"clamp": lambda x: x[0] == 0})
+    named = named.with_subdomains({"left half": lambda x: x[0] < 50})
+    ply = Ply(named, ply.fabric, ply.formulation, dimension=3)
+    write_fibres(tmp_path / "fibres.inp", drape.fibres_on_ply(ply, u))
+    read, _ = read_raw(tmp_path / "fibres.inp")
+    (clamp,) = read.point_sets.values()
+    assert list(read.point_sets) == ["clamp"]
+    np.testing.assert_array_equal(clamp, np.flatnonzero(named.p[0] == 0))
+    ((half,),) = (of for n, of in read.cell_sets.items() if n == "left half")
+    np.testing.assert_array_equal(half, named.subdomains["left half"])
 
 
 def test_a_wall_across_the_ply_has_no_fibres():

@@ -100,6 +100,49 @@ def test_curves_that_come_near_themselves_are_accepted(side):
     assert pattern.area == pytest.approx(3600 - 0.2 * 55 / 2, rel=1e-4)
 
 
+@pytest.fixture(scope="module")
+def holed_ply():
+    """Rolled ply without the elements from 40 to 50 mm."""
+    whole = on_cylinder(20)
+    centres = whole.flat[:, whole.elements].mean(axis=1)
+    kept = (np.abs(centres - 45) > 5).any(axis=0)
+    fibres = whole.warp[:, kept], whole.weft[:, kept]
+    return drape.Sheet(whole.flat, whole.positions, whole.elements[:, kept], *fibres)
+
+
+@pytest.mark.parametrize(
+    ("middle", "holes", "cut"),
+    [(45.0, [], True), (75.0, [], False), (45.0, [(45.0, 8.0)], False)],
+)
+def test_a_hole_of_the_ply_is_cut_out_of_the_pattern(
+    holed_ply, caplog, middle, holes, cut
+):
+    """Along its edge in the flat ply, unless another hole contains it."""
+    curves = [rolled(circle(360, at, radius)) for at, radius in [(middle, 20), *holes]]
+    pattern = drape.flat_pattern(holed_ply, curves[0], holes=curves[1:])
+    missing = 100 * cut + sum(np.pi * radius**2 for _, radius in holes)
+    assert pattern.area == pytest.approx(np.pi * 20**2 - missing, rel=1e-3)
+    lines = [
+        text for text in caplog.messages if "the ply has a hole of 100 mm²" in text
+    ]
+    assert len(lines) == len(caplog.messages) == cut
+    if cut:
+        (hole,) = pattern.holes
+        assert hole.outline.min() == 40
+        assert hole.outline.max() == 50
+        np.testing.assert_allclose(hole.on_tool, rolled(hole.outline), atol=1e-9)
+
+
+def test_a_cell_that_a_net_lacks_is_no_hole_of_the_ply():
+    net = drape.net(drape.Plane(), 5.0, (4, 4), (4, 4))
+    status = net.status.copy()
+    status[4, 4] = drape.Status.OMITTED
+    sheet = drape.Sheet.of_net(replace(net, status=status))
+    assert sheet.elements.shape[1] == 60
+    square = np.array([[-15, 15, 15, -15], [-15, -15, 15, 15], 4 * [0]])
+    assert drape.flat_pattern(sheet, square).area == pytest.approx(900)
+
+
 def test_a_dxf_has_outlines_seams_and_fibres_on_separate_layers(tmp_path, patterns):
     ezdxf = pytest.importorskip("ezdxf")
     outer, hole = patterns

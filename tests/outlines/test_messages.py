@@ -289,16 +289,20 @@ def test_messages_about_tables_name_no_layers(tmp_path, caplog, rows, message):
 
 
 def test_files_that_are_no_drawings_in_mm_are_refused(tmp_path):
-    """A drawing in metres, one of another kind, and a drawing as a mesh."""
+    """A drawing in metres, one of another kind, a drawing as a mesh, and a mesh."""
     metres, other = tmp_path / "metres.svg", tmp_path / "ply.dwg"
+    mesh_file = tmp_path / "mesh.dxf"
+    mesh_file.write_text("*NODE\n1, 0, 0\n")
     metres.write_text(SVG.replace("50mm", "0.05mm").replace("100mm", "0.1mm"))
     other.write_bytes(b"AC1032")
     for mesh, message in (
         ({"outline": str(metres)}, r"extends over 0.1 mm: .* \(mesh\.unit\)"),
         (
             {"outline": str(other)},
-            r"ply\.dwg: an outline is read from \.dxf, \.svg and",
+            r"ply\.dwg contains no DXF or SVG drawing: an outline is read from \.dxf,",
         ),
+        ({"outline": str(mesh_file)}, r"mesh\.dxf contains no DXF or SVG drawing"),
+        ({"source": str(mesh_file)}, r"mesh\.dxf: \.dxf files are not supported"),
         ({"source": str(metres)}, r"is a drawing: name it in mesh\.outline"),
     ):
         refused(lambda mesh=mesh: case(mesh=mesh), message)
