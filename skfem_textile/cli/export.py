@@ -25,7 +25,7 @@ from ..mesh.checks import MeshError
 from ..mesh.graph import components, edges_of
 from ..mesh.requirements import is_installed, lacks, require
 from ..mesh.user_input import printable
-from ..nets.flat_pattern import FlatPattern, flat_pattern, points_on_ply
+from ..nets.flat_pattern import FlatPattern, flat_pattern, outlined, with_holes
 from ..nets.sheet import FibresInSpace, Sheet, default_reach, fibres_on_tool
 from ..solve.quantities import Quantity, first_rows
 from ..surfaces.tool_mesh import ToolMesh
@@ -382,22 +382,21 @@ class PartExport:
     def _pattern(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         if self.no_curves:
             raise ValueError(self.no_curves)
-        trim, reach, patterns = self.output.trim, self.output.part_reach_mm, []
+        trim, reach = self.output.trim, self.output.part_reach_mm
         if trim is not None:
+            found = []
             files = (trim,) if isinstance(trim, str) else trim
             for file, curve in zip(files, self.curves, strict=True):
                 with errors_about(file):
-                    points_on_ply(sheet, curve, reach)
-            outer, *holes = self.curves
-            patterns.append(flat_pattern(sheet, outer, holes=holes, reach=reach))
+                    found.append(outlined(sheet, curve, reach=reach))
+            patterns = [with_holes(sheet, found[0], tuple(found[1:]))]
         else:
             assert self.part is not None
-            reach = self._reach(sheet, self.part)
+            reach, patterns = self._reach(sheet, self.part), []
             with errors_about(f"boundary of the part {self.named}"):
                 for piece in self._covered(sheet):
                     outer, *holes = sorted(piece.boundary(), key=_extent, reverse=True)
-                    pattern = flat_pattern(sheet, outer, holes=holes, reach=reach)
-                    patterns.append(pattern)
+                    patterns.append(flat_pattern(sheet, outer, None, holes, reach))
         write_patterns(folder, patterns, self.kinds)
         return {
             "pattern_area_mm2": sum(pattern.area for pattern in patterns),

@@ -355,14 +355,14 @@ def _of_outline(
         ply = ply._replace(inside=inside[: part.tool.facets.n_elements])
         return ply._replace(patterns=[_pattern(part, curves)])
     except ValueError as error:
-        extent = " x ".join(f"{x:.4g}" for x in np.ptp(outline.polygon, axis=1))
         reason = str(error)
         if isinstance(error, NetError) and not (net.folds.size or net.leaves.size):
             place = _on_edge(part.tool, error.position)
             reason = (
-                f"the ply runs off the edge of the tool at {coords(place)} mm: move "
-                "the start with --point, or specify a smaller ply"
+                f"net: the ply runs off the edge of the tool at {coords(place)} mm: "
+                "move the start with --point, or specify a smaller ply"
             )
+        extent = " x ".join(f"{x:.4g}" for x in np.ptp(outline.polygon, axis=1))
         reason = f"{printable(file)}: outline of {extent} mm: {reason}"
         return ply._replace(no_pattern=reason)
 

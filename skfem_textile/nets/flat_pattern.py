@@ -161,21 +161,22 @@ def flat_pattern(
     >>> round(pattern.length), round(pattern.area)
     (311, 7695)
     """
-    if spacing is None:
-        spacing = _SPACING * sheet.longest_edge
-    spacing = positive_length("flat pattern: spacing", spacing)
-    if reach is not None:
-        reach = positive_length("flat pattern: reach", reach)
-    outer = _outlined(sheet, curve, spacing, reach)
-    if not (len(holes) or sheet.holes):
+    outer, *inner = (outlined(sheet, x, spacing, reach) for x in (curve, *holes))
+    return with_holes(sheet, outer, tuple(inner))
+
+
+def with_holes(
+    sheet: Sheet, outer: FlatPattern, holes: tuple[FlatPattern, ...] = ()
+) -> FlatPattern:
+    """Pattern with holes, and with the holes of the ply, see `flat_pattern`."""
+    if not (holes or sheet.holes):
         return outer
     require("a flat pattern with holes", "outlines", "shapely")
-    inner = tuple(_outlined(sheet, hole, spacing, reach) for hole in holes)
-    refuse_holes(outer, inner)
-    if own := _holes_of_ply(sheet, outer, inner):
-        inner += own
-        refuse_holes(outer, inner)
-    return replace(outer, holes=inner)
+    refuse_holes(outer, holes)
+    if own := _holes_of_ply(sheet, outer, holes):
+        holes += own
+        refuse_holes(outer, holes)
+    return replace(outer, holes=holes)
 
 
 def _holes_of_ply(
@@ -204,15 +205,23 @@ def _holes_of_ply(
     return tuple(found)
 
 
-def _outlined(
-    sheet: Sheet, curve: ArrayLike, spacing: float, reach: float | None
+def outlined(
+    sheet: Sheet,
+    curve: ArrayLike,
+    spacing: float | None = None,
+    reach: float | None = None,
 ) -> FlatPattern:
-    """Outline of one curve."""
+    """Outline of one curve without holes, see `flat_pattern`."""
+    if spacing is None:
+        spacing = _SPACING * sheet.longest_edge
+    spacing = positive_length("flat pattern: spacing", spacing)
+    if reach is not None:
+        reach = positive_length("flat pattern: reach", reach)
     points = _closed(curve)
     # Before points are added, a distant curve is refused.
-    points_on_ply(sheet, points, reach)
+    _points_on_ply(sheet, points, reach)
     points = spaced(points, spacing)
-    places = points_on_ply(sheet, points, reach)
+    places = _points_on_ply(sheet, points, reach)
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
     outline = sheet.flat_at(places)
     steps = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=0)
@@ -255,7 +264,7 @@ def refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
         left = left.difference(cut)
 
 
-def points_on_ply(sheet: Sheet, points: ndarray, reach: float | None) -> SheetPoints:
+def _points_on_ply(sheet: Sheet, points: ndarray, reach: float | None) -> SheetPoints:
     """Points of the ply at points of a curve, (3, n), which must lie on it."""
     places = sheet.at(points, reach)
     off = np.flatnonzero(~places.found)

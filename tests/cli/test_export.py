@@ -19,6 +19,7 @@ from skfem_textile.io import write_pattern
 from skfem_textile.mesh.checks import MeshError
 from tests.helpers import graph
 from tests.helpers.command_line import rejected
+from tests.helpers.curves import write_columns
 from tests.helpers.specimen import write_case
 
 pytestmark = pytest.mark.usefixtures("no_interval")
@@ -107,6 +108,20 @@ def test_a_finished_run_is_exported_without_computing_it(formed, capsys, monkeyp
     area = figures(formed)["pattern_area_mm2"]
     assert area == pytest.approx(np.pi * 8**2 * (1 - 0.2**2), rel=0.05)
     assert figures(formed)["converged"]
+
+
+def test_a_hole_of_the_ply_is_cut_out_of_an_exported_pattern(formed, tmp_path, caplog):
+    """The hole has 8 mm × 8 mm, its middle is at (−21, −11) mm of the flat ply."""
+    shutil.copytree(formed / "out", tmp_path / "out")
+    sheet = read_result(tmp_path / "out").sheet()
+    x = sheet.points(sheet.at(np.vstack([1.5 * RING + [[-21], [-11]], 0 * t]), 10.0))
+    write_columns(tmp_path / "around.csv", "x,y,z", *x)
+    words = ["export", str(tmp_path / "out"), "--trim", str(tmp_path / "around.csv")]
+    assert cli.main([*words, "--pattern", "csv"]) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    disk = np.pi * 12**2
+    assert summary["pattern_area_mm2"] == pytest.approx(disk - 64, rel=0.05)
+    assert "the ply has a hole of 64 mm²" in caplog.text
 
 
 def test_a_pattern_is_the_outline_of_another_ply(formed, tmp_path):
