@@ -473,12 +473,8 @@ def _outlined(file: CaseFile, density: float) -> "Scene":
         "elements if this is too much"
     ) * (share > _CHORDS)
     if middle.any() or chords:
-        log.warning(
-            "%s: the middle of the outline, %s mm, is the centre of the ply%s",
-            printable(options.outline),
-            coords(middle),
-            chords,
-        )
+        text = "%s: the middle of the outline, %s mm, is the centre of the ply%s"
+        log.warning(text, printable(options.outline), coords(middle), chords)
     return file.scene.build(mesh.translated(-middle), part="whole")
 
 
