@@ -1,11 +1,10 @@
 """Variants of Abaqus decks for CalculiX, which has layers in S8R and S6 alone.
 
 CalculiX ignores ``*DISTRIBUTION`` under shells.  Each class of similar directions and
-thickness has its own section and orientations.  Where the thickness changes, CalculiX
-makes nodes rigid, and has no room for several layers there; nor where their number
-changes.  Outer layers without
-stiffness and mass therefore fill all sections to the same thickness, also of elements
-that the ply does not cover.
+thickness has its own section and orientations.  Where the thickness or the number of
+layers changes, CalculiX makes nodes rigid or stops.  Outer layers without stiffness
+and mass therefore fill all sections to the same thickness, also of elements that the
+ply does not cover.
 """
 
 import re

@@ -8,6 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from skfem_textile import MeshError
+from skfem_textile.cases.finished import unlogged
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_directions, read_fabric, write_fabric
 from tests.helpers.decks import card, keyword_blocks
@@ -15,7 +16,6 @@ from tests.helpers.hostile import (
     RIGHT,
     Family,
     UnclearError,
-    errors_only,
     expect_close,
     expect_equal,
     is_clear,
@@ -126,7 +126,7 @@ def decks(draw, write):
 # Expected content of a deck
 
 
-@errors_only()
+@unlogged()
 def attempt_abaqus(deck):
     seed, content, damage = deck
     path = Path("deck.inp")
@@ -146,7 +146,7 @@ def attempt_abaqus(deck):
     return RIGHT
 
 
-@errors_only()
+@unlogged()
 def attempt_radioss(deck):
     """Laws vanish at rest, and their values are slopes of the energy."""
     seed, content, damage = deck

@@ -15,13 +15,13 @@ import pytest
 from hypothesis import strategies as st
 
 from skfem_textile import MeshError, drape
+from skfem_textile.cases.finished import unlogged
 from skfem_textile.io import read_part_deck, write_part_deck
 from skfem_textile.io.layups import LAYERS
 from tests.helpers.decks import keyword_blocks
 from tests.helpers.hostile import (
     RIGHT,
     Family,
-    errors_only,
     expect_close,
     expect_equal,
     rejected_if_damaged,
@@ -706,7 +706,7 @@ def hostile_decks(draw, form):
     return seed, form, *draw(damaged(content))
 
 
-@errors_only()
+@unlogged()
 def attempt(hostile):
     """A damaged deck is refused, or its copy has the same elements and positions."""
     seed, form, content, damage = hostile

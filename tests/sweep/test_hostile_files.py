@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from hypothesis import strategies as st
 
+from skfem_textile.cases.finished import unlogged
 from skfem_textile.sweep import sweep
 from tests.helpers.hostile import (
     RIGHT,
     Family,
-    errors_only,
     expect,
     expect_equal,
     rejected,
@@ -146,7 +146,7 @@ def result(case):
     return {"value": n / 7, "text": case, "list": [1e300, -0.0, None, n]}
 
 
-@errors_only()
+@unlogged()
 def attempt(hostile):
     content, replacement = hostile
     out = Path("kept", "out.jsonl")

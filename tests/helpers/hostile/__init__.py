@@ -7,7 +7,6 @@ hostile inputs tries many and counts the outcomes.
 
 import contextlib
 import ctypes
-import logging
 import os
 import re
 import signal
@@ -122,18 +121,6 @@ def expect_close(name: str, value: Any, expected: Any, tolerance: float) -> None
     """Raise `WrongAnswerError` if numbers differ by more than a tolerance."""
     error = np.abs(np.asarray(value) - expected).max(initial=0.0)
     expect(error <= tolerance, f"{name}: {value}, expected {expected}, off by {error}")
-
-
-@contextlib.contextmanager
-def errors_only():
-    """Log errors of the library only."""
-    log = logging.getLogger("skfem_textile")
-    level = log.level
-    log.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        log.setLevel(level)
 
 
 def folder_content(folder: Path) -> dict[str, bytes]:

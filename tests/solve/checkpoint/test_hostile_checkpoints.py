@@ -2,8 +2,7 @@
 
 import io
 import json
-import logging
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,6 +28,7 @@ from skfem_textile import (
     Quadratic,
     Sin2,
 )
+from skfem_textile.cases.finished import unlogged
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers.hostile import (
@@ -103,25 +103,15 @@ def stepper(s, folder, **options):
     return LoadStepper(ply, conditions, s.steps, **options)
 
 
-@contextmanager
-def errors_only():
-    """Log errors only."""
-    log = logging.getLogger("skfem_textile")
-    level = log.level
-    log.setLevel(logging.ERROR)
-    yield
-    log.setLevel(level)
-
-
 @cache
-@errors_only()
+@unlogged()
 def undisturbed(settings):
     """The results of every state of a run that is not interrupted."""
     return results(stepper(settings, None).run().states)
 
 
 @cache
-@errors_only()
+@unlogged()
 def checkpoint(settings, states, number=0):
     """Files of a run interrupted after some states; a new run for each number."""
 
@@ -315,7 +305,7 @@ def edit_array(draw, arrays):
     return f"{name} {change}"
 
 
-@errors_only()
+@unlogged()
 def attempt(hostile):
     folder = Path("kept", "c").absolute()
     folder.mkdir(parents=True)
