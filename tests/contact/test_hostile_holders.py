@@ -49,8 +49,9 @@ def beside(rng):
 
 
 def crossing(rng):
-    x = star(rng, 4)
-    return x[:, [0, 2, 1, 3]]
+    """A line with crossing edges; a star that is not convex may have none."""
+    x = star(rng, 4)[:, [0, 2, 1, 3]]
+    return crossing(rng) if shapely.Polygon(x.T).is_valid else x
 
 
 def flat(rng):
