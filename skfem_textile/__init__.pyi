@@ -15,6 +15,7 @@ from .fabric import (
     Sin2 as Sin2,
     Tabulated as Tabulated,
     TensionOnly as TensionOnly,
+    WithFriction as WithFriction,
 )
 from .fabric.files import read_law as read_law, write_law as write_law
 from .contact import Holder as Holder, Tool as Tool

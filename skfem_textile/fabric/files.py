@@ -15,6 +15,7 @@ from .directions import AlongCurve
 from .fabric import Fabric
 from .law import BiaxialLaw, Law, Linear, TwoLaws
 from .laws.biaxial import CrimpedYarns, CrimpInterchange, Softening
+from .laws.friction import WithFriction
 from .laws.polynomial import Polynomial
 from .laws.shear import Locking, Sin2, TangentShear
 from .laws.tabulated import Tabulated
@@ -30,7 +31,7 @@ _OTHERS = "bending", "twist", "wrinkling_angle"
 _LAWS: tuple[type[Any], ...] = (
     *(Linear, Sin2, Polynomial, Locking, Tabulated, TangentShear),
     *(CrimpToe, TensionOnly, Asymmetric, Pretensioned, CrimpInterchange, CrimpedYarns),
-    *(TwoLaws, RegionalLaw, RegionalTensions),
+    *(TwoLaws, RegionalLaw, RegionalTensions, WithFriction),
 )
 
 # Classes in a file: laws, their components, and directions.

@@ -35,7 +35,7 @@ _RUN, _STATES = "run.npz", "state_*.npz"
 _VECTORS = ("reactions", "displacements")
 
 # Attributes of states that files do not contain: `Replay` computes them.
-_COMPUTED = ("shares", "forces")
+_COMPUTED = ("shares", "forces", "energy_lost")
 
 # Length to which a setting is shortened in a message.
 _SHOWN = 100

@@ -139,6 +139,10 @@ _OWN_TERM = (
     "the discretisation error of the term {} is not known; compare with a finer mesh"
 )
 
+_FRICTION = (
+    "intervals are measured for laws without friction only; compare with a finer mesh"
+)
+
 #: A quantity of the user: a number from a ply and its displacement.
 Quantity = Callable[[Ply, ndarray], float]
 
@@ -244,6 +248,8 @@ def error_interval(
         return ErrorInterval(reason="the equilibrium is not stable")
     if not problem.constraints.free.size:
         return ErrorInterval(reason="no node is free: refine the mesh")
+    if problem.ply.fabric.has_friction:
+        return ErrorInterval(reason=_FRICTION)
     if own := [x.name for x in problem.ply.terms if _has_own_forms(x)]:
         return ErrorInterval(reason=_OWN_TERM.format(", ".join(own)))
     try:

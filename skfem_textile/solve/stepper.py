@@ -30,6 +30,7 @@ from .linear import solver_named
 from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
+from .programme import Programme, refuse_missed_levels
 from .result import UNCHANGING, Result, StepError
 from .search import AcceptedEquilibrium, EquilibriumSearch, Target, method_of
 from .states import (
@@ -151,6 +152,12 @@ class LoadStepper:
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
         self.problem = problem = Problem(ply, constraints, chosen)
+        factors = (
+            *(getattr(one, "factor", None) for one in conditions.values()),
+            *(getattr(one, "factor", None) for one in ply.terms),
+        )
+        programmes = [one for one in factors if isinstance(one, Programme)]
+        refuse_missed_levels(programmes, int(steps))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         self.initial_guess = _checked_guess(initial_guess, ply)
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts

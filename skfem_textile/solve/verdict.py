@@ -251,6 +251,7 @@ class Trial:
             tolerance=equilibrium.tolerance,
             parameters=equilibrium.parameters,
             warnings=dict(self.warnings),
+            energy_lost=ply.energy_lost(u, problem.load_factor, equilibrium.parameters),
         )
 
 

@@ -12,13 +12,8 @@ from msgspec import structs
 from skfem_textile import Locking, OnePoint, Polynomial, scenes
 from skfem_textile.cases import CaseFileError, declared
 from skfem_textile.cases.scenes import SCENES
-from skfem_textile.cases.schema import (
-    AnyFormulation,
-    ShearLaw,
-    Table,
-    TensionLaw,
-    tag_of,
-)
+from skfem_textile.cases.schema import AnyFormulation, ShearLaw, TensionLaw
+from skfem_textile.cases.tables import Table, tag_of
 from skfem_textile.cases.tools import AnyTool
 from skfem_textile.cases.write import reference
 from skfem_textile.declarations import words
