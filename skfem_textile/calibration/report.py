@@ -13,8 +13,9 @@ from ..scenes.shear_test import BiasExtension, PictureFrame
 from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
-from .choice import Test, reach
+from .choice import Test, reach, tests_of
 from .curves import beginning_notes, departure_notes, rest_notes
+from .cycles import predicted, work
 from .fitting import FabricFit
 from .measured import FAMILIES
 from .outliers import wild
@@ -44,8 +45,57 @@ def reports_of(result: FabricFit) -> dict[str, dict[str, Any]]:
         else:
             one = tension_report(result, part)
         one["candidates"] = [asdict(x) for x in result.candidates.get(part, ())]
+        if part in result.friction:
+            of_friction = friction_report(result, part)
+            one["friction"], one["notes"] = (
+                of_friction,
+                [
+                    *one["notes"],
+                    _friction_note(title_of(part), of_friction),
+                ],
+            )
         reports[title_of(part)] = one
     return reports
+
+
+def friction_report(result: FabricFit, part: str) -> dict[str, Any]:
+    """Friction elements of a law, and work of the machine in each test with cycles."""
+    law, curves = result.laws[part], []
+    tests = zip(result.tests_of(part), tests_of(result.measured, part), strict=True)
+    for one, measured in tests:
+        if not measured.cyclic:
+            continue
+        one = one.with_slack(result.zeros_of(one))
+        at_rest = result.zeros_of(one).get("force at rest", 0.0)
+        carried = result.friction[part].force(one) + predicted(one, law.law) + at_rest
+        measured = measured.with_slack(result.zeros_of(one))
+        works = work(measured, measured.force), work(measured, carried)
+        names = "work_measured_N_mm", "work_predicted_N_mm"
+        curves.append({"name": one.name, **dict(zip(names, works, strict=True))})
+    onsets = np.degrees(law.onsets) if part == "shear" else np.array(law.onsets)
+    return {
+        "limits_N_per_mm": list(law.limits),
+        "onsets_deg" if part == "shear" else "onsets": onsets.tolist(),
+        "curves": curves,
+    }
+
+
+def _friction_note(title: str, friction: dict[str, Any]) -> str:
+    """The friction elements in a line."""
+    onsets, unit = friction.get("onsets_deg"), " degrees"
+    if onsets is None:
+        onsets, unit = friction["onsets"], ""
+    pairs = zip(friction["limits_N_per_mm"], onsets, strict=True)
+    elements = ", ".join(f"{f:.3g} N/mm at {y:.3g}{unit}" for f, y in pairs)
+    works = ", ".join(
+        f"{x['name']} {x['work_measured_N_mm']:.4g} and {x['work_predicted_N_mm']:.4g}"
+        for x in friction["curves"]
+    )
+    return (
+        f"{title}: friction elements with the limit at the onset {elements}; curves "
+        "and the law above are without them; work over the cycles, measured and "
+        f"predicted, in N·mm: {works}"
+    )
 
 
 def title_of(part: str) -> str:
@@ -436,7 +486,7 @@ def _range_notes(result: FabricFit) -> list[str]:
         f"{specimen.name}: the test contains loading and unloading, and both are "
         "fitted as one curve: keep only the rows of a single loading"
         for specimen in result.specimens
-        if all(specimen.ways(up_to))
+        if all(specimen.ways(up_to)) and not specimen.cyclic
     ]
     for specimen in result.specimens:
         notes += beginning_notes(specimen, up_to)

@@ -190,6 +190,7 @@ def _preparation(options: Namespace) -> Preparation:
         options.slack,
         getattr(options, "force_at_rest", None),
         not options.keep_outliers,
+        getattr(options, "cycles", False),
     )
 
 

@@ -55,7 +55,9 @@ def by_masing(path):
 def test_random_cycles_follow_masings_rules(seed):
     path = np.random.default_rng(seed).uniform(-0.9, 0.9, 60)
     values, _ = along(LAW, path)
-    np.testing.assert_allclose(values - ELASTIC.value(path), by_masing(path), atol=1e-13)
+    np.testing.assert_allclose(
+        values - ELASTIC.value(path), by_masing(path), atol=1e-13
+    )
 
 
 def test_steps_do_not_matter_between_reversals():
@@ -113,7 +115,10 @@ def test_a_file_keeps_the_law(tmp_path):
         ((ELASTIC, [0.1], [10.0]), "onset: 10 rad exceeds a right angle"),
         ((LAW, [0.1], [0.1]), "law must not have friction"),
         ((Linear(np.ones(4)), [0.1], [0.1]), "law must be uniform"),
-        ((CrimpInterchange(1e3, 0.1, 1.0, 0.01, 1.0), [0.1], [0.1]), "law of one strain"),
+        (
+            (CrimpInterchange(1e3, 0.1, 1.0, 0.01, 1.0), [0.1], [0.1]),
+            "law of one strain",
+        ),
     ],
 )
 def test_invalid_friction_is_refused(arguments, message):

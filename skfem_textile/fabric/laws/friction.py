@@ -40,7 +40,7 @@ _SLIPPING = 1e-9
 class WithFriction(ScalarLaw):
     """Elastic law with friction elements, whose unloading differs from loading.
 
-    Its ``energy``, ``value`` and ``tangent`` are those of the first loading.  A `Ply`
+    Its ``energy``, ``value`` and ``tangent`` apply to the first loading.  A `Ply`
     carries the slip of the elements from step to step; a load that reverses within a
     step is not resolved.
 
