@@ -82,6 +82,7 @@ from .solve.states import CheckpointError as CheckpointError
 from .solve.conditions import Condition as Condition
 from .solve.interval import ErrorInterval as ErrorInterval
 from .solve.newton import Newton as Newton, PlainNewton as PlainNewton
+from .solve.programme import Programme as Programme
 from .solve.result import Result as Result, StepError as StepError
 from .solve.search import equilibrium_near as equilibrium_near
 from .solve.states import (

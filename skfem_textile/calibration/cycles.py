@@ -3,8 +3,8 @@
 The force of a test is linear in the elastic law and in the limits of friction elements
 with given onsets: the history of the test determines the force of each for a limit of 1
 (`WithFriction`).  The limits follow by bounded least squares (Stark & Parker 1995) with
-an elastic law that is linear between knots, one for each test.  Forces without friction
-are then those of an elastic test, to which any law is fitted.
+an elastic law that is linear between knots, one for each test.  Any law is then fitted
+to the forces without friction, as to an elastic test.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 from scipy.linalg import block_diag
-from scipy.optimize import least_squares, lsq_linear
 
 from ..fabric import WithFriction
 from .choice import Test, of_kind, tests_of
 from .measured import FAMILIES
 from .preparing import REVERSAL
+from .solving import optimize
 from .specimens import Specimen
 from .tensile import Strip
 
@@ -83,7 +83,7 @@ def friction_of(tests: Sequence[Test], up_to: float | None) -> dict[str, Frictio
     """
     found = {}
     for part in ("shear", *FAMILIES):
-        cyclic = [one for one in _curves(tests_of(tests, part)) if one.cyclic]
+        cyclic = in_cycles(tests_of(tests, part))
         if cyclic:
             found[part] = _found(cyclic, up_to)
     return found
@@ -113,8 +113,10 @@ def predicted(test: Specimen | Strip, law: Any) -> ndarray:
         return sum(arm * law.value(x) for x, arm in _arms(test)) + 0.0
 
 
-def _curves(tests: Sequence[Test]) -> list[Specimen | Strip]:
-    return [*of_kind(tests, Specimen), *of_kind(tests, Strip)]
+def in_cycles(tests: Sequence[Test]) -> list[Specimen | Strip]:
+    """Tests whose loading and unloading determine friction."""
+    curves: list[Any] = [*of_kind(tests, Specimen), *of_kind(tests, Strip)]
+    return [one for one in curves if one.cyclic]
 
 
 def _arms(test: Specimen | Strip) -> Iterator[tuple[ndarray, ndarray]]:
@@ -163,7 +165,7 @@ def _found(tests: Sequence[Specimen | Strip], up_to: float | None) -> Friction:
         )
     low, high = np.log(grid[[0, -1]])
     start = np.clip(np.log(starts), low + _INSIDE, high - _INSIDE)
-    better = least_squares(
+    better = optimize().least_squares(
         lambda x: problem.solved(np.exp(x))[1], start, bounds=(low, high)
     )
     onsets = np.sort(np.exp(better.x))
@@ -217,7 +219,7 @@ class _Problem:
         A = np.hstack([self._elastic, self._joined(friction).T])
         low = np.zeros(A.shape[1])
         low[: self._elastic.shape[1]] = -np.inf
-        found = lsq_linear(A, self._measured, (low, np.inf), method="bvls")
+        found = optimize().lsq_linear(A, self._measured, (low, np.inf), method="bvls")
         return found.x[self._elastic.shape[1] :], found.fun
 
     def supports(self, onsets: ndarray) -> bool:

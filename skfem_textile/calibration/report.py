@@ -15,7 +15,7 @@ from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
 from .choice import Test, reach, tests_of
 from .curves import beginning_notes, departure_notes, rest_notes
-from .cycles import predicted, work
+from .cycles import in_cycles, predicted, work
 from .fitting import FabricFit
 from .measured import FAMILIES
 from .outliers import wild
@@ -61,10 +61,8 @@ def reports_of(result: FabricFit) -> dict[str, dict[str, Any]]:
 def friction_report(result: FabricFit, part: str) -> dict[str, Any]:
     """Friction elements of a law, and work of the machine in each test with cycles."""
     law, curves = result.laws[part], []
-    tests = zip(result.tests_of(part), tests_of(result.measured, part), strict=True)
-    for one, measured in tests:
-        if not measured.cyclic:
-            continue
+    both = result.tests_of(part), tests_of(result.measured, part)
+    for one, measured in zip(*map(in_cycles, both), strict=True):
         one = one.with_slack(result.zeros_of(one))
         at_rest = result.zeros_of(one).get("force at rest", 0.0)
         carried = result.friction[part].force(one) + predicted(one, law.law) + at_rest

@@ -195,9 +195,8 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     else:
         laws = _fabric_of_file(file.fabric.file, file.fabric)
     scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
-    if file.stepping.programme is not None:
-        with _errors_in("stepping.programme: "):
-            scene = scene.through(file.stepping.programme)
+    if file.stepping.is_programme:
+        scene = file.stepping.applied(scene)
     if file.mesh.outline is not None and scene.dimension == 3:
         _warn_of_unit(file.mesh.outline, scene)
     fabric: Any = replace(laws, warp=scene.warp, weft=scene.weft)
@@ -218,7 +217,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         fabric=fabric,
         loads=loads,
         formulation=file.formulation.construct() or fit.formulation,
-        steps=file.stepping.steps * len(file.stepping.programme or (1,)),
+        steps=file.stepping.steps * file.stepping.parts,
         method=file.stepping.method,
         warn_only=file.stepping.warn_only,
         solver=file.stepping.solver,
@@ -296,7 +295,7 @@ def refuse_incomplete(
             raise ValueError(f"{key} requires {required}")
 
 
-def _loads(of: Loads, factor: Factor = proportional) -> tuple[Force | BodyForce, ...]:
+def _loads(of: Loads, factor: Factor = proportional) -> tuple[Any, ...]:
     """Forces on boundaries and the weight."""
     forces = tuple(Force(name, total, factor) for name, total in of.force_N.items())
     if (weight := of.weight_N_per_mm2) is None:

@@ -469,6 +469,32 @@ class Stepping(Table):
             "unload and load again (default: [1])"
         ),
     ] = None
+    release: Annotated[
+        tuple[str, ...],
+        about(
+            "conditions of the scene whose forces are removed after the programme, in "
+            "one more part: the ply springs back"
+        ),
+    ] = ()
+
+    @property
+    def parts(self) -> int:
+        """Number of parts of the programme, each with its load steps."""
+        return len(self.programme or (1,)) + bool(self.release)
+
+    @property
+    def is_programme(self) -> bool:
+        """True if motions and loads do not just increase."""
+        return self.programme is not None or bool(self.release)
+
+    def applied(self, scene: Any) -> Any:
+        """A scene that follows the programme; an error names the key."""
+        try:
+            return scene.through(self.programme or (1.0,), self.release)
+        except ValueError as error:
+            key = "release" if self.release else "programme"
+            raise ValueError(f"stepping.{key}: {error}") from None
+
     tolerance: Annotated[
         float | None,
         about(

@@ -41,6 +41,7 @@ _OPTIONS = {
     "force": "loads.force_N",
     "steps": "stepping.steps",
     "programme": "stepping.programme",
+    "release": "stepping.release",
     "tolerance": "stepping.tolerance",
     "solver": "stepping.solver",
     "test-curve": "output.test_curve",

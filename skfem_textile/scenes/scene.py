@@ -169,7 +169,9 @@ class Scene:
     initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
     programme: Programme | None = None
 
-    def through(self, levels: Sequence[float]) -> "Scene":
+    def through(
+        self, levels: Sequence[float], release: Collection[str] = ()
+    ) -> "Scene":
         """The same problem with motions and loads that follow a load programme.
 
         Each passes through the levels in parts of equal length, see `Programme`;
@@ -180,11 +182,15 @@ class Scene:
         ----------
         levels
             Factors of the motions and loads at the ends of the parts.
+        release
+            Names of conditions whose forces are removed in one more part, in which the
+            others hold the ply.
 
         Raises
         ------
         ValueError
-            If a level is not a finite number, or the ply is on or between tools.
+            If a level is not a finite number, a condition is unknown, or the ply is on
+            or between tools.
 
         Examples
         --------
@@ -199,22 +205,36 @@ class Scene:
                 f"a programme does not apply to the scene {self.name}, whose ply is on "
                 "or between tools: give the tools rows of motions"
             )
-        programme = Programme(tuple(levels))
+        if unknown_names := sorted({*release} - self.conditions.keys()):
+            raise ValueError(
+                f"the scene {self.name} has no condition {unknown_names[0]!r}: choose "
+                f"from {', '.join(self.conditions)}"
+            )
+        if release and {*release} == self.conditions.keys():
+            raise ValueError(
+                "no condition remains: hold the ply by another condition, at two nodes "
+                "or more"
+            )
+        levels = tuple(levels)
+        programme = Programme((*levels, levels[-1]) if levels and release else levels)
+        end = 1 - 1 / programme.parts
         loads: list[Any] = [*self.loads]
         for i, load in enumerate(loads):
             if callable(factor := load.factor):
                 loads[i] = replace(load, factor=_composed(factor, programme))
-        ends = {
-            name: partial(_end_at, end=end, programme=programme)
-            if callable(end)
-            else end
-            for name, end in self.fibre_ends.items()
+        fibre_ends = {
+            name: partial(_end_at, of=of, programme=programme) if callable(of) else of
+            for name, of in self.fibre_ends.items()
         }
         of_load = self.load and partial(_load_at, of=self.load, programme=programme)
         return replace(
             self,
             conditions={
-                name: replace(c, factor=_composed(c.factor, programme))
+                name: replace(
+                    c,
+                    factor=_composed(c.factor, programme),
+                    until=end if name in release else c.until,
+                )
                 for name, c in self.conditions.items()
                 if isinstance(c, Condition)
             },
@@ -222,11 +242,12 @@ class Scene:
             shear_angle=_field_at(self.shear_angle, programme),
             load=of_load,
             loads=tuple(loads),
-            fibre_ends=ends,
+            fibre_ends=fibre_ends,
             figures=_no_figures,
             measured=_no_figures,
             first=(),
             programme=programme,
+            misfit=self.misfit or ("conditions have ended" if release else ""),
         )
 
     def rotated(self, angle: float) -> "Scene":
@@ -530,8 +551,8 @@ def _factor_at(t: float, of: Any, programme: Programme) -> float:
     return float(of(programme(t)))
 
 
-def _end_at(t: float, end: Any, programme: Programme) -> Any:
-    return end(programme(t))
+def _end_at(t: float, of: Any, programme: Programme) -> Any:
+    return of(programme(t))
 
 
 def _load_at(law: Law, t: float, of: Any, programme: Programme) -> float:

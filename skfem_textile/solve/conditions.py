@@ -56,6 +56,9 @@ class Condition:
         function of position.  If not given, all components are fixed.
     factor
         Function of the load factor that takes its place, such as a `Programme`.
+    until
+        Load factor at which the condition ends.  Its forces on the ply then decrease in
+        proportion to the load factor up to 1, where its nodes are free of forces.
     together
         True if all nodes have the same displacement along the directions that are not
         fixed, as in a rigid clamp that is guided or hangs free.  Such a clamp does not
@@ -79,9 +82,15 @@ class Condition:
     direction: Direction | None = None
     together: bool = False
     factor: Factor = proportional
+    until: float = 1.0
 
     def __post_init__(self) -> None:
         keep_copies(self, "where", "value", "direction")
+        if not 0 < self.until <= 1:
+            raise ValueError(
+                "until must be a load factor above 0 and at most 1, got "
+                f"{shortened(self.until)}"
+            )
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
         """Numbers of the nodes of the condition, in the order of its values.

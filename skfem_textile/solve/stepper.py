@@ -31,6 +31,7 @@ from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
 from .programme import Programme, refuse_missed_levels
+from .release import release_of
 from .result import UNCHANGING, Result, StepError
 from .search import AcceptedEquilibrium, EquilibriumSearch, Target, method_of
 from .states import (
@@ -151,7 +152,6 @@ class LoadStepper:
         chosen = solver_named(solver)
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
-        self.problem = problem = Problem(ply, constraints, chosen)
         factors = (
             *(getattr(one, "factor", None) for one in conditions.values()),
             *(getattr(one, "factor", None) for one in ply.terms),
@@ -159,6 +159,8 @@ class LoadStepper:
         programmes = [one for one in factors if isinstance(one, Programme)]
         refuse_missed_levels(programmes, int(steps))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
+        release = release_of(ply.basis, conditions, self.load_factors)
+        self.problem = problem = Problem(ply, constraints, chosen, release)
         self.initial_guess = _checked_guess(initial_guess, ply)
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
         problem.moves = moved or bool(contacts)
@@ -371,9 +373,9 @@ class Run:
         end = replay.last.equilibrium
         tangent = tangent_at(replay.last.problem, end.u, end.parameters)
         replay.last.equilibrium = end._replace(tangent=tangent)
-        self._start = replay.last.next_start()
         # The checkpoint already includes the time of that tangent.
         problem.clock = replay.last.problem.clock = saved.progress.clock
+        self._start = replay.last.next_start()
         self._began -= saved.progress.elapsed
         log.info("resumed at load factor %g", self.states[-1].load_factor)
         return True
@@ -445,7 +447,7 @@ class Run:
         evaluated = start.u, start.parameters, start.energies
         driven = self._search.driven(problem.at(start.load_factor), *evaluated)
         try:
-            values = problem.constraints.fixed_values(t)
+            values = problem.at(t).constraints.fixed_values(t)
             # The factors of loads are user functions.
             problem.at(t).load(start.u, start.parameters)
         except ValueError as error:

@@ -24,7 +24,7 @@ from ..mesh.user_input import printable
 from . import active_set
 from .conditions import turned
 from .direction import TINY
-from .problem import EPSILON, HOLD, ROUNDINGS, Evaluation, Problem
+from .problem import EPSILON, HOLD, ROUNDINGS, Evaluation, Problem, tangent_at
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
 #: Names of the checks, cheap ones first.
@@ -215,6 +215,10 @@ class Trial:
         problem, (u, f, parameters, *_) = self.problem, self.equilibrium
         t = problem.load_factor
         advanced = problem.ply.advanced(parameters, u, t)
+        if problem.release and problem.release.ends_at(t):
+            before = problem.residual(u, advanced)
+            problem = problem.release.end(problem, before, u)
+            return problem.evaluation(u, advanced, tangent_at(problem, u, advanced))
         if advanced is not parameters:
             return problem.evaluation(u, advanced, self.equilibrium.tangent)
         load, tangent = problem.load(u, parameters), self.equilibrium.tangent
