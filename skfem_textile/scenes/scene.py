@@ -18,7 +18,6 @@ from ..ply.terms import Factor, Formulation, Load, proportional
 from ..solve.conditions import Condition
 from ..solve.newton import Method
 from ..solve.on_surface import OnSurface
-from ..solve.programme import Programme
 from ..solve.quantities import Quantity
 from ..solve.result import Driven, Result
 from ..solve.states import State
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from ..contact import Holder, Tool
     from ..mesh.selection import FibreEnd
     from ..outlines import Outline
+    from ..solve.programme import Programme
     from .shear_test import BiasTest, FrameTest
 
 ExactField = Callable[[ndarray, float], ndarray]
@@ -167,7 +167,7 @@ class Scene:
     first: Sequence[Quantity] = ()
     axes: Axes = SAME_AXES
     initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
-    programme: Programme | None = None
+    programme: "Programme | None" = None
 
     def through(
         self, levels: Sequence[float], release: Collection[str] = ()
@@ -199,6 +199,8 @@ class Scene:
         >>> float(scene.shear_angle(scene.mesh.p, 1.0).max())
         0.0
         """
+        from ..solve.programme import Programme
+
         on_tool = any(isinstance(c, OnSurface) for c in self.conditions.values())
         if self.tools or on_tool:
             raise ValueError(
@@ -540,32 +542,32 @@ def _turned_number(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
     return of(Q.T @ X, t)
 
 
-def _composed(factor: Factor, programme: Programme) -> Factor:
+def _composed(factor: Factor, programme: "Programme") -> Factor:
     """Factor at the load factor of a programme."""
     if factor is proportional:
         return programme
     return partial(_factor_at, of=factor, programme=programme)
 
 
-def _factor_at(t: float, of: Any, programme: Programme) -> float:
+def _factor_at(t: float, of: Any, programme: "Programme") -> float:
     return float(of(programme(t)))
 
 
-def _end_at(t: float, of: Any, programme: Programme) -> Any:
+def _end_at(t: float, of: Any, programme: "Programme") -> Any:
     return of(programme(t))
 
 
-def _load_at(law: Law, t: float, of: Any, programme: Programme) -> float:
+def _load_at(law: Law, t: float, of: Any, programme: "Programme") -> float:
     return float(of(law, programme(t)))
 
 
-def _field_at(field: ExactField, programme: Programme) -> ExactField:
+def _field_at(field: ExactField, programme: "Programme") -> ExactField:
     if field is unknown:
         return field
     return partial(_exact_at, of=field, programme=programme)
 
 
-def _exact_at(X: ndarray, t: float, of: ExactField, programme: Programme) -> ndarray:
+def _exact_at(X: ndarray, t: float, of: ExactField, programme: "Programme") -> ndarray:
     return of(X, programme(t))
 
 

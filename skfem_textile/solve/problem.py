@@ -7,7 +7,7 @@ it is the second derivative of the energy less λ∇²φ, see `SurfaceNodes`.
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -21,9 +21,11 @@ from .conditions import Constraints, plain, reactions, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System, reduced
-from .release import Release
 from .states import NoEquilibriumError
 from .surface_nodes import SurfaceNodes
+
+if TYPE_CHECKING:
+    from .release import Release
 
 #: Relative round-off of a number.
 EPSILON = 2.0**-53
@@ -146,7 +148,7 @@ class Problem:
         ply: Ply,
         constraints: Constraints,
         solver: SolverOfPattern,
-        release: Release | None = None,
+        release: "Release | None" = None,
     ) -> None:
         self.ply, self.release = ply, release
         self.remaining: ndarray | float = 0.0

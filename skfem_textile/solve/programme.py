@@ -7,6 +7,9 @@ import numpy as np
 from ..fabric.law import keep
 from ..mesh.user_input import real_numbers, shortened
 
+# Round-off of a load factor.
+_ROUND_OFF = 1e-15
+
 
 @dataclass(frozen=True)
 class Programme:
@@ -63,16 +66,10 @@ class Programme:
         share = place - first
         return (1 - share) * ends[first] + share * ends[first + 1]
 
-
-# Round-off of a load factor.
-_ROUND_OFF = 1e-15
-
-
-def refuse_missed_levels(programmes: list[Programme], steps: int) -> None:
-    """Refuse a number of equal steps that passes a level within a step."""
-    for programme in programmes:
-        if steps % programme.parts:
+    def check_steps(self, steps: int) -> None:
+        """Refuse a number of equal steps of which one passes a level."""
+        if steps % self.parts:
             raise ValueError(
-                f"steps must be a multiple of {programme.parts}, the number of parts "
-                f"of the programme, so that each part ends with a step; got {steps}"
+                f"steps must be a multiple of {self.parts}, the number of parts of the "
+                f"programme, so that each part ends with a step; got {steps}"
             )

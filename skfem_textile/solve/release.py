@@ -8,16 +8,13 @@ that the ply springs back in steps, each of which is an equilibrium.
 from bisect import bisect_left
 from collections.abc import Sequence
 from copy import copy
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
 from .conditions import Condition, Conditions, Constraints, reactions
-
-if TYPE_CHECKING:
-    from .problem import Problem
 
 # Distance of an end from a load factor within which they are the same: round-off.
 _SAME = 1e-9
@@ -92,7 +89,7 @@ class Release:
         shares = [(1 - t) / (1 - end) for end in self.ends[:phase]]
         return sum(share * self._forces[k] for k, share in enumerate(shares)) + 0.0
 
-    def enter(self, problem: "Problem", phase: int) -> None:
+    def enter(self, problem: Any, phase: int) -> None:
         """Let the conditions of a phase act in a problem, and the remaining forces."""
         problem.constraints = self.constraints[phase]
         vars(problem).pop("system", None)
@@ -103,7 +100,7 @@ class Release:
         problem.remaining = self.forces(phase, problem.load_factor)
         problem.propping = problem.propping + problem.remaining
 
-    def refuse_tools(self, problem: "Problem") -> None:
+    def refuse_tools(self, problem: Any) -> None:
         """Refuse conditions that end if a ply is on or between tools."""
         if problem.contacts or problem.surfaces:
             raise ValueError(
@@ -112,7 +109,7 @@ class Release:
             )
 
     def reactions(
-        self, problem: "Problem", found: dict[str, ndarray], u: ndarray
+        self, problem: Any, found: dict[str, ndarray], u: ndarray
     ) -> dict[str, ndarray]:
         """Reactions by condition, with the remaining forces of those that ended."""
         if not np.any(problem.remaining):
@@ -121,7 +118,7 @@ class Release:
         first = reactions(self.constraints[0], forces, u, problem.load_factor)
         return {name: force + first[name] for name, force in found.items()}
 
-    def end(self, problem: "Problem", f: ndarray, u: ndarray) -> "Problem":
+    def end(self, problem: Any, f: ndarray, u: ndarray) -> Any:
         """The problem in which forces replace the conditions that end there.
 
         Parameters

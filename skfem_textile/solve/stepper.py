@@ -30,8 +30,6 @@ from .linear import solver_named
 from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
-from .programme import Programme, refuse_missed_levels
-from .release import release_of
 from .result import UNCHANGING, Result, StepError
 from .search import AcceptedEquilibrium, EquilibriumSearch, Target, method_of
 from .states import (
@@ -156,10 +154,15 @@ class LoadStepper:
             *(getattr(one, "factor", None) for one in conditions.values()),
             *(getattr(one, "factor", None) for one in ply.terms),
         )
-        programmes = [one for one in factors if isinstance(one, Programme)]
-        refuse_missed_levels(programmes, int(steps))
+        for factor in factors:
+            if check := getattr(factor, "check_steps", None):
+                check(int(steps))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
-        release = release_of(ply.basis, conditions, self.load_factors)
+        release = None
+        if any(getattr(one, "until", 1.0) < 1 for one in conditions.values()):
+            from .release import release_of
+
+            release = release_of(ply.basis, conditions, self.load_factors)
         self.problem = problem = Problem(ply, constraints, chosen, release)
         self.initial_guess = _checked_guess(initial_guess, ply)
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts

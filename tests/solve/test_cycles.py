@@ -172,7 +172,7 @@ def interrupted(stepper_with, folder, states):
 
 
 def assert_same(one, other):
-    """Both results have the same states, bit for bit."""
+    """The states of both results are equal, bit for bit."""
     assert len(one.states) == len(other.states)
     assert one.linear_solves == other.linear_solves
     for a, b in zip(one.states, other.states, strict=True):
