@@ -15,6 +15,7 @@ from skfem_textile import (
     Sin2,
     Tabulated,
     TensionOnly,
+    WithFriction,
 )
 from skfem_textile.fabric import CrimpedYarns, Softening, TangentShear, TwoLaws
 from skfem_textile.fabric.files import read_law, write_law
@@ -74,6 +75,7 @@ TENSION = (
     TensionOnly(CrimpToe(1e5, 0.004, 10.0)),
     Asymmetric(Linear(1e5), Linear(10.0)),
     Pretensioned(Linear(1e3), 5.0),
+    WithFriction(Linear(1e3), [1.0], [0.01]),
 )
 BOTH = (
     CrimpInterchange(1e4, 0.01, 1, 1e-3, 1),

@@ -9,8 +9,6 @@ from skfem_textile import (
     Locking,
     TensionOnly,
     WithFriction,
-    read_law,
-    write_law,
 )
 from skfem_textile.fabric import along
 
@@ -98,11 +96,6 @@ def test_energy_rises_by_the_work_in_a_step():
     after = LAW.slip_after(x[-1:], slip)
     stored = LAW.with_slip(after).energy(x[-1:]) - held.energy(x[:1])
     assert (stored + LAW.loss(after - slip))[0] == pytest.approx(rise[0], rel=1e-12)
-
-
-def test_a_file_keeps_the_law(tmp_path):
-    write_law(LAW, tmp_path / "law.json")
-    assert read_law(tmp_path / "law.json") == LAW
 
 
 @pytest.mark.parametrize(
