@@ -14,6 +14,7 @@ from ..mesh.user_input import excerpt, printable
 from .directions import AlongCurve
 from .fabric import Fabric
 from .law import BiaxialLaw, Law, Linear, TwoLaws
+from .laws.bending import Bilinear
 from .laws.biaxial import CrimpedYarns, CrimpInterchange, Softening
 from .laws.friction import WithFriction
 from .laws.polynomial import Polynomial
@@ -31,7 +32,7 @@ _OTHERS = "bending", "twist", "wrinkling_angle"
 _LAWS: tuple[type[Any], ...] = (
     *(Linear, Sin2, Polynomial, Locking, Tabulated, TangentShear),
     *(CrimpToe, TensionOnly, Asymmetric, Pretensioned, CrimpInterchange, CrimpedYarns),
-    *(TwoLaws, RegionalLaw, RegionalTensions, WithFriction),
+    *(Bilinear, TwoLaws, RegionalLaw, RegionalTensions, WithFriction),
 )
 
 # Classes in a file: laws, their components, and directions.

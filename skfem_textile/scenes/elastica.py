@@ -1,5 +1,6 @@
 """Inextensible plane curves in bending: the elastica under weight and compression."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,6 +61,120 @@ def hanging(weight: float, end_force: float = 0.0) -> Elastica:
         )
     _, _, x, z = solution.sol(s)
     return Elastica(s, x, z)
+
+
+# Steps along the longest strip, of the method of Runge and Kutta: the tip is within
+# 3·10⁻⁶ L of `hanging` up to w L³/D = 1000, where the strip hangs vertically beyond a
+# tenth of its length: pytest tests/scenes/test_drooping.py
+_STEPS = 100
+
+# Angles of the tip at which the search begins, as logarithms of tan(δ/2) with the angle
+# δ to the vertical: from 10⁻¹⁴ to nearly 90 degrees.
+_TIPS = -np.geomspace(1e-6, 32.0, 48)
+
+# Iterations for the angle of the tip, and their tolerance in radians.
+_MOST_ITERATIONS, _EXACT = 60, 1e-12
+
+# Smallest slope of a law, relative to the one at rest: a strip would fold with a
+# smaller one.
+_LEAST_SLOPE = 1e-9
+
+
+class Drooping(NamedTuple):
+    """Tips of cantilevers under their weight, each of shape (n,).
+
+    Attributes
+    ----------
+    x, drop
+        Position of the tip along the clamped direction and below it, in mm.
+    curvature
+        Curvature at the clamp, the largest one, in 1/mm.
+    """
+
+    x: ndarray
+    drop: ndarray
+    curvature: ndarray
+
+    @property
+    def chord_angle(self) -> ndarray:
+        """Angle of the chord below the clamped direction in radians."""
+        angle: ndarray = np.arctan2(self.drop, self.x)
+        return angle
+
+
+def drooping(
+    slope: Callable[[ndarray], ndarray],
+    lengths: Any,
+    weight: float,
+    steps: int = _STEPS,
+) -> Drooping:
+    """Cantilevers of several lengths under their weight, for a bending law.
+
+    From the free end at the distance σ, δ′ = κ and M′(κ) κ′ = w σ sin δ with the angle
+    δ to the vertical, which is a right angle at the clamp.
+
+    Parameters
+    ----------
+    slope
+        Derivative M′(κ) of the moment of a bending law in N·mm, positive for κ >= 0.
+    lengths
+        Lengths in mm, shape (n,).
+    weight
+        Weight per area in N/mm².
+    steps
+        Number of steps; more for a law with kinks.
+
+    Raises
+    ------
+    ValueError
+        If the computation does not converge.
+    """
+    L = np.asarray(lengths, dtype=float)
+    least = _LEAST_SLOPE * float(slope(np.zeros(1))[0])
+
+    def rates(sigma, y):
+        bent, s = np.maximum(slope(y[1]), least), np.sin(y[0])
+        return np.array([y[1], weight * sigma * s / bent, s, np.cos(y[0])])
+
+    def at_clamp(tip, length):
+        y = np.array([2 * np.arctan(np.exp(tip)), 0 * tip, 0 * tip, 0 * tip])
+        h, every = length / steps, [y[0]]
+        for i in range(steps):
+            k_1 = rates(i * h, y)
+            k_2 = rates((i + 0.5) * h, y + 0.5 * h * k_1)
+            k_3 = rates((i + 0.5) * h, y + 0.5 * h * k_2)
+            k_4 = rates((i + 1) * h, y + h * k_3)
+            y = y + h / 6 * (k_1 + 2 * (k_2 + k_3) + k_4)
+            every.append(y[0])
+        return y, np.array(every)
+
+    longest = float(L.max())
+    angles = at_clamp(_TIPS, longest)[1]
+    step = np.minimum((L / longest * steps).astype(int), steps - 1)
+    turned = (angles[step] > 0.5 * np.pi).sum(axis=1)  # tips that turn too far
+    last = len(_TIPS) - 1
+    high, low = (_TIPS[np.clip(turned + i, 0, last)] for i in (-2, 2))
+    above, below = (at_clamp(tip, L)[0][0] - 0.5 * np.pi for tip in (high, low))
+    side = np.zeros(L.shape)
+    for _ in range(_MOST_ITERATIONS):  # Illinois method
+        tip = (low * above - high * below) / (above - below)
+        y = at_clamp(tip, L)[0]
+        off = y[0] - 0.5 * np.pi
+        if np.all((np.abs(off) < _EXACT) | (high - low < _EXACT)):
+            return Drooping(y[2], y[3], y[1])
+        up = off > 0
+        halved = np.where(up, np.where(side > 0, 0.5, 1.0), 1.0)
+        halved_above = np.where(~up, np.where(side < 0, 0.5, 1.0), 1.0)
+        above, below = (
+            np.where(up, off, above * halved_above),
+            np.where(up, below * halved, off),
+        )
+        low, high = np.where(up, low, tip), np.where(up, tip, high)
+        side = np.where(up, 1.0, -1.0)
+    raise ValueError(
+        f"the computation of cantilevers of up to {longest:g} mm does not converge for "
+        "this bending law"
+    )
 
 
 def peirce(length: Any, weight: float, angle: Any) -> Any:
