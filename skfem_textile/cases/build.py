@@ -264,8 +264,8 @@ def _refuse_contradictions(file: CaseFile) -> None:
                 f"{key} applies to the whole ply, but regions are given: omit one of "
                 "them"
             )
-    in_space = issubclass(file.scene.declaration, WithTools)
     for key in ("part_mesh", "deck", "trim", "pattern"):
+        in_space = issubclass(file.scene.declaration, WithTools)
         if getattr(file.output, key) and not in_space:
             raise ValueError(f"output.{key} requires a scene with tools")
 
@@ -642,8 +642,7 @@ def _with_regions(
 
 
 def _direction(degrees: float) -> np.ndarray:
-    angle = np.radians(degrees)
-    return np.array([np.cos(angle), np.sin(angle)])
+    return np.array([of(np.radians(degrees)) for of in (np.cos, np.sin)])
 
 
 def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[str, Any]:

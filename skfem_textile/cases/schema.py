@@ -298,6 +298,25 @@ class ShearFriction(Table):
         return WithFriction(law, self.limits_N_per_mm, onsets)
 
 
+class BendingFriction(Table):
+    """Friction elements of bending, by which unloading differs from loading."""
+
+    limits_N: Annotated[
+        tuple[float, ...],
+        about("limit of the moment of each friction element per width"),
+    ]
+    onsets_per_mm: Annotated[
+        tuple[float, ...],
+        about("curvature at which each element slips when loaded for the first time"),
+    ]
+
+    def added_to(self, law: Any) -> Any:
+        """See `Friction`."""
+        from ..fabric.laws.friction import WithFriction
+
+        return WithFriction(law, self.limits_N, self.onsets_per_mm)
+
+
 class InCompression(Table):
     """Law of the fibres for negative strain."""
 
@@ -379,6 +398,7 @@ class BendingOfFamily(Table):
     """Bending law of a family, in the place of its stiffness."""
 
     law: BendingLaw
+    friction: BendingFriction | None = None
 
 
 class Bending(Table):
@@ -406,7 +426,8 @@ class Bending(Table):
                 f"{family}_N_mm is {stiffness:g}, but {family}_law is a law: omit one "
                 "of them"
             )
-        return table.law.build("bending")
+        law = table.law.build("bending")
+        return law if table.friction is None else table.friction.added_to(law)
 
 
 class Region(Table):

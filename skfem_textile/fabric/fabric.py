@@ -232,7 +232,7 @@ class Fabric:
     @property
     def has_friction(self) -> bool:
         """True if the unloading of a law differs from its loading."""
-        return bool(n_slips(self.tensions) or n_slips(self.shear_law))
+        return any(map(n_slips, (self.tensions, self.shear_law, *self.bending)))
 
     @property
     def bends(self) -> bool:

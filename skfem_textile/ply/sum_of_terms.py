@@ -183,7 +183,7 @@ class SumOfTerms(FabricOnBasis):
         return {
             name: float(declared.advanced(values[name], u, t)["work"])
             for name, declared in self._declared.items()
-            if "slip" in values[name]
+            if any("slip" in value for value in values[name])
         }
 
     @cached_property

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skfem_textile import Linear, TensionOnly, WithFriction
+from skfem_textile import Bilinear, Linear, TensionOnly, WithFriction
 from skfem_textile.cases import case_from_tables
 from skfem_textile.io import write_fabric
 from tests.helpers.command_line import computed, rejected, run
@@ -147,6 +147,15 @@ def test_a_case_file_has_friction_for_each_law(tmp_path):
     write_fabric(tmp_path / "fabric.json", fabric)
     again = {"scene": tables["scene"], "fabric": {"file": "fabric.json"}}
     assert case_from_tables(again, tmp_path).fabric.laws == fabric.laws
+
+
+def test_a_bending_law_has_friction_in_a_case_file():
+    law = {"law": "bilinear", "stiffness_N_mm": 6.0, "knee_per_mm": 0.01}
+    friction = {"limits_N": [0.02], "onsets_per_mm": [0.002]}
+    law |= {"further_stiffness_N_mm": 2.0, "friction": friction}
+    tables = {"scene": {"name": "cantilever"}, "bending": {"warp_law": law}}
+    warp, _ = case_from_tables(tables).fabric.bending
+    assert warp == WithFriction(Bilinear(6.0, 0.01, 2.0), [0.02], [0.002])
 
 
 def test_a_programme_and_a_release_are_parts_of_equal_steps(tmp_path):

@@ -14,7 +14,7 @@ energy of its spring, and the energy lost by the slip of the step.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,11 +22,13 @@ from numpy import ndarray
 
 from ..law import (
     Law,
+    Linear,
     Resistance,
     ScalarLaw,
     domain_of,
     inner_law,
     keep,
+    n_slips,
     number,
     refuse_other_units,
 )
@@ -47,12 +49,12 @@ class WithFriction(ScalarLaw):
     Parameters
     ----------
     law
-        Elastic law of tension or shear.
+        Elastic law of tension, shear or bending.
     limits
-        Limit f of each element in N/mm.
+        Limit f of each element in N/mm, for bending in N·mm per mm of width.
     onsets
-        Strain, or shear angle in radians, at which each element slips when it is loaded
-        for the first time.
+        Strain, shear angle in radians, or curvature in 1/mm, at which each element
+        slips when it is loaded for the first time.
 
     Raises
     ------
@@ -182,6 +184,20 @@ class Slipped(ScalarLaw):
         strain = x - self.slip
         held = np.clip(strain, -onset, onset)
         return strain, held, _column(self.law.limits, x) / onset
+
+
+def parted(law: Any) -> tuple[Any, Any]:
+    """Elastic law and friction elements of a law, also if it varies by region.
+
+    The elements are None for a law without friction.
+    """
+    if not n_slips(law):
+        return law, None
+    if isinstance(law, WithFriction):
+        return law.law, replace(law, law=Linear(0.0))
+    elastic, friction = zip(*map(parted, law.laws), strict=True)
+    elements = [Linear(0.0) if one is None else one for one in friction]
+    return replace(law, laws=elastic), replace(law, laws=elements)
 
 
 def along(law: WithFriction, x: ndarray) -> tuple[ndarray, float]:
