@@ -243,8 +243,7 @@ def bending_term(
     slipping = [fibres for fibres in bent if fibres.friction is not None]
     slip = BendingSlip(slipping, turning, components(basis)) if slipping else None
     term = BendingTerm(
-        *("bending", matrix),
-        **{"whole": full, "turning": turning, "bent": bent, "parameters": slip},
+        "bending", matrix, whole=full, turning=turning, bent=bent, parameters=slip
     )
     term.energy(basis.zeros(), 0.0)  # refuses invalid rotations
     return term
