@@ -97,12 +97,17 @@ def without_friction(one: Test, friction: dict[str, Friction]) -> Test:
     return replace(one, force=one.force - np.nan_to_num(carried))
 
 
+def displacement(test: Specimen | Strip) -> ndarray:
+    """Displacement of the machine in mm, of the measured angle if it is missing."""
+    if test.displacement is not None:
+        return test.displacement
+    assert isinstance(test, Specimen)
+    return test.test.displacement(test.angle)
+
+
 def work(test: Specimen | Strip, force: ndarray) -> float:
     """Work of the machine in N·mm with a force along the history of a test."""
-    moved = test.displacement
-    if moved is None:
-        assert isinstance(test, Specimen)
-        moved = test.test.displacement(test.angle)
+    moved = displacement(test)
     known = np.isfinite(force) & np.isfinite(moved)
     return float(np.trapezoid(force[known], moved[known]))
 

@@ -28,7 +28,7 @@ from .choice import (
     tests_of,
 )
 from .curves import beginning_notes
-from .cycles import Friction, friction_of, without_friction
+from .cycles import Friction, friction_of, in_cycles, predicted, without_friction
 from .measured import FAMILIES, families_of
 from .regression import JointFit, fit
 from .selection import Candidate, compared, reason_against, with_best, without
@@ -126,6 +126,17 @@ class FabricFit:
             if one is test
             for name, (value, _, _) in fit.zeros(i).items()
         }
+
+    def loops(self, part: str) -> list[tuple[Specimen | Strip, ndarray]]:
+        """Tests of a part with cycles, as measured, and the forces of the law in N."""
+        both = self.tests_of(part), tests_of(self.measured, part)
+        law, found = self.laws[part], []
+        for fitted, measured in zip(*map(in_cycles, both), strict=True):
+            zeros = self.zeros_of(fitted)
+            one = measured.with_slack(zeros)
+            force = predicted(one, law.law) + self.friction[part].force(one)
+            found.append((one, force + zeros.get("force at rest", 0.0)))
+        return found
 
     def cantilevers(self, part: str) -> list[CantileverTest]:
         """Tests of a bending stiffness, in the order of its curves."""

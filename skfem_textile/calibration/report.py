@@ -13,9 +13,9 @@ from ..scenes.shear_test import BiasExtension, PictureFrame
 from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
-from .choice import Test, reach, tests_of
+from .choice import Test, reach
 from .curves import beginning_notes, departure_notes, rest_notes
-from .cycles import in_cycles, predicted, work
+from .cycles import work
 from .fitting import FabricFit
 from .measured import FAMILIES
 from .outliers import wild
@@ -61,13 +61,8 @@ def reports_of(result: FabricFit) -> dict[str, dict[str, Any]]:
 def friction_report(result: FabricFit, part: str) -> dict[str, Any]:
     """Friction elements of a law, and work of the machine in each test with cycles."""
     law, curves = result.laws[part], []
-    both = result.tests_of(part), tests_of(result.measured, part)
-    for one, measured in zip(*map(in_cycles, both), strict=True):
-        one = one.with_slack(result.zeros_of(one))
-        at_rest = result.zeros_of(one).get("force at rest", 0.0)
-        carried = result.friction[part].force(one) + predicted(one, law.law) + at_rest
-        measured = measured.with_slack(result.zeros_of(one))
-        works = work(measured, measured.force), work(measured, carried)
+    for one, force in result.loops(part):
+        works = work(one, one.force), work(one, force)
         names = "work_measured_N_mm", "work_predicted_N_mm"
         curves.append({"name": one.name, **dict(zip(names, works, strict=True))})
     onsets = np.degrees(law.onsets) if part == "shear" else np.array(law.onsets)

@@ -20,7 +20,7 @@ from .continuation import path_warning
 from .largest_angle import figures_of_shear
 from .linear.solver import Choice
 from .on_surface import OnSurface
-from .quantities import IN_PLANE, IN_SPACE, OF_PLY, Quantity, first_rows
+from .quantities import IN_PLANE, IN_SPACE, LOST, OF_PLY, Quantity, first_rows
 from .search import state_at
 from .states import State
 
@@ -339,6 +339,7 @@ class Result:
             first.append(IN_SPACE._replace(has_interval=known or not stated).declared())
         else:
             first.append(IN_PLANE.declared())
+        lost = (LOST,) if state.energy_lost else ()
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -374,7 +375,7 @@ class Result:
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
             **of_tools,
-            "first": [*first, *(one.declared() for one in OF_PLY)],
+            "first": [*first, *(one.declared() for one in (*lost, *OF_PLY))],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
 

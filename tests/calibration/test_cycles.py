@@ -103,9 +103,13 @@ def test_the_command_writes_the_law_with_friction(tmp_path, capsys):
     rows = zip(one.displacement, one.force, strict=True)
     text = "displacement (mm),force (N)\n" + "".join(f"{x},{f}\n" for x, f in rows)
     data.write_text(text)
-    sizes = "--frame-side 200 --fabric-side 160 --degree 3 --no-render"
+    sizes = "--frame-side 200 --fabric-side 160 --degree 3"
     zeros = "--slack 0 --force-at-rest 0"
-    fit("picture-frame", data, sizes, zeros, "--cycles", "--out", tmp_path / "fit")
+    pytest.importorskip("matplotlib")
+    out = tmp_path / "fit"
+    fit("picture-frame", data, sizes, zeros, "--cycles", "--out", out, draw=True)
+    page = (out / "report.html").read_text()
+    assert "Loops of loading and unloading, with friction" in page
     law = read_law(tmp_path / "fit" / "law.json")
     assert isinstance(law, WithFriction)
     reported = summary_in(tmp_path / "fit")["laws"]["Shear"]["friction"]
