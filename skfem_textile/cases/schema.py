@@ -519,12 +519,12 @@ class Stepping(Table):
         ),
     ] = None
     release: Annotated[
-        tuple[str, ...],
+        tuple[str, ...] | None,
         about(
             "conditions of the scene whose forces are removed after the programme, in "
             "one more part: the ply springs back"
         ),
-    ] = ()
+    ] = None
 
     @property
     def parts(self) -> int:
@@ -539,7 +539,7 @@ class Stepping(Table):
     def applied(self, scene: Any) -> Any:
         """A scene that follows the programme; an error names the key."""
         try:
-            return scene.through(self.programme or (1.0,), self.release)
+            return scene.through(self.programme or (1.0,), self.release or ())
         except ValueError as error:
             key = "release" if self.release else "programme"
             raise ValueError(f"stepping.{key}: {error}") from None

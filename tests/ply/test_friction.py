@@ -87,3 +87,13 @@ def test_a_ply_without_friction_has_no_slip():
     ply = Ply(MeshQuad(), Fabric(1e4, 1.0), Full())
     assert not ply.parameters_at_rest
     assert not ply.energy_lost(ply.basis.zeros())
+
+
+def test_friction_is_no_deviation_from_the_mean_stretch():
+    """A homogeneous stretch has none, also after slip."""
+    ply = Ply(MeshQuad().refined(1), Fabric(TENSION, SHEAR), Macro())
+    p = ply.advanced(ply.parameters_at_rest, 0.05 * ply.nodes.T.ravel())
+    u = 0.02 * ply.nodes.T.ravel()
+    (deviation,) = (x for x in ply.parts(u, 1.0, p) if x.role == "deviation")
+    assert abs(deviation.energy) < 1e-12 * ply.energy(u, 1.0, p)
+    assert np.abs(deviation.forces).max() < 1e-9
