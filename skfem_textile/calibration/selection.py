@@ -10,7 +10,18 @@ from numpy import ndarray
 
 from ..fabric.law import domain_of
 from .bands import Fit
-from .choice import AUTO, Choice, Test, largest_argument, models_of, tests_of
+from .bending import CantileverTest
+from .choice import (
+    AUTO,
+    Choice,
+    Test,
+    asks_for_law,
+    in_bending,
+    largest_argument,
+    models_of,
+    of_kind,
+    tests_of,
+)
 from .measured import FAMILIES
 from .models import Model
 from .regression import fit, laws_and_zeros
@@ -24,6 +35,24 @@ _SHEAR_CANDIDATES = {
     "tabulated": ("tabulated", 1),
 }
 _TENSION_CANDIDATES = "linear", "crimp-toe", "tabulated"
+
+# The same of bending laws; tabulated only for measured moments.
+_BENDING_CANDIDATES = {
+    **{law: (law, 1) for law in ("linear", "bilinear")},
+    **{f"polynomial of degree {n}": ("polynomial", n) for n in (3, 5)},
+    "tabulated": ("tabulated", 1),
+}
+
+# Those that are compared for cantilevers: a polynomial of softening fibres has a maximum,
+# beyond which cantilevers fold.
+_OF_CANTILEVERS = "linear", "bilinear"
+
+# Fewest readings of a family among which bending laws are compared: two for each of
+# the parameters of the longest law.
+_FEWEST = 6
+
+# Parts of the bending laws.
+_BENDING_PARTS = tuple(f"bending {family}" for family in FAMILIES)
 
 # Number of folds of a curve: each contains every fifth point.
 _FOLDS = 5
@@ -73,8 +102,10 @@ def reason_against(fit: Fit, largest: float) -> str:
     largest
         Largest argument of the data: an angle in radians, or a strain.
     """
-    law, is_shear = fit.law, fit.samples[0].part == "shear"
-    scale, unit = (np.degrees(1.0), "degrees") if is_shear else (1.0, "strain")
+    law, part = fit.law, fit.samples[0].part
+    scale, unit = (np.degrees(1.0), "degrees") if part == "shear" else (1.0, "strain")
+    if part.startswith("bending"):
+        unit = "1/mm"
     end = float(np.max(domain_of(law)[1]))
     pole = fit.model.name == "locking" and bool(fit.values[-1] <= fit.model.low[-1])
     if pole or end < largest * (1 - 1e-9):
@@ -209,24 +240,53 @@ def compared(tests: Sequence[Test], choice: Choice) -> dict[str, list[Candidate]
     return found
 
 
+def compared_in_bending(
+    tests: Sequence[Test], choice: Choice
+) -> dict[str, list[Candidate]]:
+    """Bending laws compared in the place of ``auto``, by part, see `Choice.bending`."""
+    found = {}
+    for part in _BENDING_PARTS if choice.bending == AUTO else ():
+        own = in_bending(tests_of(tests, part))
+        n = sum(one.curvature.size for one in own)
+        if not own or n < _FEWEST or not asks_for_law(own):
+            continue
+        table = not of_kind(own, CantileverTest)
+        options = {
+            name: replace(choice, bending=law, bending_degree=degree)
+            for name, (law, degree) in _BENDING_CANDIDATES.items()
+            if table or law in _OF_CANTILEVERS
+        }
+        found[part] = _candidates(tests, options, part)
+    return found
+
+
 def with_best(choice: Choice, candidates: Mapping[str, list[Candidate]]) -> Choice:
     """The choice with the best laws in the place of ``auto``.
 
-    Both families have the tension law that suits the data of both better.
+    Both families have the tension law, and the bending law, that suits the data of both
+    better.
     """
     if "shear" in candidates:
         law, degree = _SHEAR_CANDIDATES[best_of(candidates["shear"]).name]
         choice = replace(choice, shear=law, degree=degree)
-    of_each = [candidates[part] for part in FAMILIES if part in candidates]
-    if of_each:
-        reasons = {x.name: x.reason for each in of_each for x in each if x.reason}
-        suiting = [
-            [replace(x, reason=reasons.get(x.name, "")) for x in each]
-            for each in of_each
-        ]
-        best = [best_of(each).name for each in suiting]
+    if best := _best_of_both(candidates, FAMILIES):
         choice = replace(choice, tension=max(best, key=_TENSION_CANDIDATES.index))
+    if best := _best_of_both(candidates, _BENDING_PARTS):
+        law, degree = _BENDING_CANDIDATES[max(best, key=[*_BENDING_CANDIDATES].index)]
+        choice = replace(choice, bending=law, bending_degree=degree)
     return choice
+
+
+def _best_of_both(
+    candidates: Mapping[str, list[Candidate]], parts: Sequence[str]
+) -> list[str]:
+    """Best law of each of some parts, among those that suit all of them."""
+    of_each = [candidates[part] for part in parts if part in candidates]
+    reasons = {x.name: x.reason for each in of_each for x in each if x.reason}
+    suiting = [
+        [replace(x, reason=reasons.get(x.name, "")) for x in each] for each in of_each
+    ]
+    return [best_of(each).name for each in suiting]
 
 
 def without(
@@ -236,10 +296,14 @@ def without(
 ) -> dict[str, list[Candidate]]:
     """Candidates with the reasons, by part, why the chosen ones do not suit."""
     law = chosen.shear, chosen.degree
+    bent = chosen.bending, chosen.bending_degree
     shear = {name for name, of in _SHEAR_CANDIDATES.items() if of == law}
+    bending = {name for name, of in _BENDING_CANDIDATES.items() if of == bent}
     found = {}
     for part, each in candidates.items():
         names = shear if part == "shear" else {chosen.tension}
+        if part in _BENDING_PARTS:
+            names = bending
         found[part] = [
             replace(x, error=np.nan, standard_error=np.nan, reason=reasons[part])
             if part in reasons and x.name in names
