@@ -192,8 +192,8 @@ def models_of(tests: Sequence[Test], choice: Choice) -> dict[str, Model]:
         law = "linear" if choice.bending == AUTO else choice.bending
         if law == "tabulated" and of_kind(bent, CantileverTest):
             raise ValueError(
-                f"{bent[0].name}: cantilevers do not determine a table: use bilinear or "
-                "polynomial"
+                f"{bent[0].name}: cantilevers do not determine a table: use bilinear "
+                "or polynomial"
             )
         largest = max(map(_largest_curvature, bent))
         of_law = BENDING_LAWS[law]

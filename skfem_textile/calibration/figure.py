@@ -335,9 +335,8 @@ def _stiffnesses(result: FabricFit, part: str) -> Panel:
             axes.axhline(float(fit.values[0]), color="#808080", lw=1.0)
         else:
             for test in result.cantilevers(part):
-                order = np.argsort(test.angle)
                 degrees, of_law = np.degrees(test.angle), test.apparent(fit.law)
-                axes.plot(degrees[order], of_law[order], color="#808080", lw=1.0)
+                axes.plot(degrees, of_law, "_", color="#808080", ms=12)
         label = "bending stiffness (N·mm)\no elastica, x Peirce"
         axes.set(xlabel="chord angle (°)", ylabel=label)
 

@@ -43,8 +43,8 @@ _BENDING_CANDIDATES = {
     "tabulated": ("tabulated", 1),
 }
 
-# Those that are compared for cantilevers: a polynomial of softening fibres has a maximum,
-# beyond which cantilevers fold.
+# Those that are compared for cantilevers: a polynomial of softening fibres has a
+# maximum, beyond which cantilevers fold.
 _OF_CANTILEVERS = "linear", "bilinear"
 
 # Fewest readings of a family among which bending laws are compared: two for each of

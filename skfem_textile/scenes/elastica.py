@@ -218,8 +218,9 @@ def chord_angles(
         return _horizontal(y, longest / steps)
 
     at = np.fmax.accumulate(np.nan_to_num(reached(_TIPS, _COARSE_STEPS)[0]))
-    ends = np.searchsorted(at, [L.min(), L.max()]) + [-2, 1]
-    tips = np.linspace(*_TIPS[np.clip(ends, 0, last)], _N_TIPS)
+    ends = np.searchsorted(at, [L.min(), L.max()]) + np.array([-2, 1])
+    first, end = _TIPS[np.clip(ends, 0, last)].tolist()
+    tips = np.linspace(first, end, _N_TIPS)
     at, x, drop = reached(tips, _FINE_STEPS)
     from scipy.interpolate import CubicSpline
 
