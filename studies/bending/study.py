@@ -18,7 +18,7 @@ from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Case, cantilever
 from skfem_textile.scenes.elastica import drooping
 
-from ..common.tables import table
+from ..common.tables import grouped, table
 from ..study import Part, Row, Study
 from . import oracle
 
@@ -53,6 +53,9 @@ LAWS: dict[str, Any] = {
     "bilinear": Bilinear(AT_REST, knee=2.4e-3, further_stiffness=40.0),
     "binder fabric": binder(),
 }
+
+#: Numbers of elements along a cantilever.
+ELEMENTS = 16, 32, 64
 
 FORMULATIONS: dict[str, Formulation] = {"macro": Macro(), "quadratic": Quadratic()}
 
@@ -251,17 +254,26 @@ def of_laws(rows: list[Row]) -> str:
 
 
 def of_cantilevers(rows: list[Row]) -> str:
-    """Tips of the cantilevers."""
+    """Drop at 32 elements, and errors of the tip by the number of elements."""
+    found = []
+    for (law, length, formulation), own in grouped(
+        rows, "law", "length_mm", "formulation"
+    ).items():
+        errors = {f"at_{row['elements']}": row["tip_error_over_length"] for row in own}
+        fine = next((row for row in own if row["elements"] == ELEMENTS[1]), own[0])
+        named = {"law": law, "length": length, "formulation": formulation}
+        found.append(
+            dict.fromkeys(map("at_{}".format, ELEMENTS)) | named | errors | fine
+        )
     return table(
-        rows,
+        found,
         {
             "law": "{law}",
-            "length, mm": "{length_mm:g}",
-            "formulation": "{formulation}",
-            "elements": "{elements}",
+            "length, mm": "{length:g}",
+            "elements": "{formulation}",
             "drop, mm": "{drop_mm:.2f}",
-            "drop by the equation, mm": "{ode_drop_mm:.2f}",
-            "error of the tip over the length": "{tip_error_over_length:.1e}",
+            "exact, mm": "{ode_drop_mm:.2f}",
+            **{f"tip error/L, {n}": f"{{at_{n}:.1e}}" for n in ELEMENTS},
         },
     )
 
@@ -301,7 +313,7 @@ class Bending(Study[Any]):
                 for law in LAWS
                 for length in (200.0, 250.0)
                 for formulation in FORMULATIONS
-                for n in (16, 32, 64)
+                for n in ELEMENTS
             ),
             *(Master(float(number)) for number in curve[:, 0]),
         ]
