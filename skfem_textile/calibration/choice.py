@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -74,7 +74,8 @@ class Choice:
         Bending law of each family, ``linear``, ``bilinear``, ``polynomial`` (odd
         powers) or, for measured moments, ``tabulated``.  With ``auto`` it is linear,
         or, if the tests cover several curvatures (`asks_for_law`), the law with the
-        best cross-validation.
+        best cross-validation.  Or law and degree of some parts, such as ``bending
+        warp``; others are then linear.
     bending_degree
         Highest power of its polynomial.
     degree
@@ -102,15 +103,18 @@ class Choice:
     extrapolation: str | None = None
     up_to: float | None = None
     bounds: Mapping[str, tuple[float, float]] | None = None
-    bending: str = AUTO
+    bending: str | Mapping[str, tuple[str, int]] = AUTO
     bending_degree: int = 3
 
     def __post_init__(self) -> None:
-        for law, laws in (
-            (self.shear, SHEAR_LAWS),
-            (self.tension, TENSION_LAWS),
-            (self.bending, BENDING_LAWS),
-        ):
+        by_part = {} if isinstance(self.bending, str) else self.bending
+        bent = [law for law, _ in by_part.values()]
+        bent += [self.bending] if isinstance(self.bending, str) else []
+        named: list[tuple[str, Mapping[str, Any]]] = [
+            *((self.shear, SHEAR_LAWS), (self.tension, TENSION_LAWS)),
+            *((law, BENDING_LAWS) for law in bent),
+        ]
+        for law, laws in named:
             if law not in (*laws, AUTO):
                 raise ValueError(
                     f"unknown law {law!r}: choose one of {', '.join(laws)} or {AUTO}"
@@ -124,6 +128,14 @@ class Choice:
             raise ValueError(
                 f"a table requires at least one point besides 0, got {self.points}"
             )
+
+    def bending_of(self, part: str) -> tuple[str, int]:
+        """Bending law of a part, and the degree of a polynomial."""
+        if self.bending == AUTO:
+            return "linear", 1
+        if isinstance(self.bending, str):
+            return self.bending, self.bending_degree
+        return self.bending.get(part, ("linear", 1))
 
 
 def of_kind(tests: Iterable[Test], kind: type[_Kind]) -> list[_Kind]:
@@ -189,15 +201,14 @@ def models_of(tests: Sequence[Test], choice: Choice) -> dict[str, Model]:
         found["shear"] = of_law(largest, choice.degree, choice.points)
     for part in {part for one in in_bending(tests) for part in one.parts}:
         bent = in_bending(tests_of(tests, part))
-        law = "linear" if choice.bending == AUTO else choice.bending
+        law, degree = choice.bending_of(part)
         if law == "tabulated" and of_kind(bent, CantileverTest):
             raise ValueError(
                 f"{bent[0].name}: cantilevers do not determine a table: use bilinear "
                 "or polynomial"
             )
         largest = max(map(_largest_curvature, bent))
-        of_law = BENDING_LAWS[law]
-        found[part] = of_law(largest, choice.bending_degree, choice.points)
+        found[part] = BENDING_LAWS[law](largest, degree, choice.points)
     ordered = {name: found[name] for name in PARTS if name in found}
     return _extrapolated(_bounded(ordered, choice.bounds or {}), choice.extrapolation)
 

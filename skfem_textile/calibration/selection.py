@@ -263,30 +263,26 @@ def compared_in_bending(
 def with_best(choice: Choice, candidates: Mapping[str, list[Candidate]]) -> Choice:
     """The choice with the best laws in the place of ``auto``.
 
-    Both families have the tension law, and the bending law, that suits the data of both
-    better.
+    Both families have the tension law that suits the data of both better.
     """
     if "shear" in candidates:
         law, degree = _SHEAR_CANDIDATES[best_of(candidates["shear"]).name]
         choice = replace(choice, shear=law, degree=degree)
-    if best := _best_of_both(candidates, FAMILIES):
+    of_each = [candidates[part] for part in FAMILIES if part in candidates]
+    if of_each:
+        reasons = {x.name: x.reason for each in of_each for x in each if x.reason}
+        suiting = [
+            [replace(x, reason=reasons.get(x.name, "")) for x in each]
+            for each in of_each
+        ]
+        best = [best_of(each).name for each in suiting]
         choice = replace(choice, tension=max(best, key=_TENSION_CANDIDATES.index))
-    if best := _best_of_both(candidates, _BENDING_PARTS):
-        law, degree = _BENDING_CANDIDATES[max(best, key=[*_BENDING_CANDIDATES].index)]
-        choice = replace(choice, bending=law, bending_degree=degree)
-    return choice
-
-
-def _best_of_both(
-    candidates: Mapping[str, list[Candidate]], parts: Sequence[str]
-) -> list[str]:
-    """Best law of each of some parts, among those that suit all of them."""
-    of_each = [candidates[part] for part in parts if part in candidates]
-    reasons = {x.name: x.reason for each in of_each for x in each if x.reason}
-    suiting = [
-        [replace(x, reason=reasons.get(x.name, "")) for x in each] for each in of_each
-    ]
-    return [best_of(each).name for each in suiting]
+    bending = {
+        part: _BENDING_CANDIDATES[best_of(candidates[part]).name]
+        for part in _BENDING_PARTS
+        if part in candidates
+    }
+    return replace(choice, bending=bending) if bending else choice
 
 
 def without(
@@ -296,14 +292,13 @@ def without(
 ) -> dict[str, list[Candidate]]:
     """Candidates with the reasons, by part, why the chosen ones do not suit."""
     law = chosen.shear, chosen.degree
-    bent = chosen.bending, chosen.bending_degree
     shear = {name for name, of in _SHEAR_CANDIDATES.items() if of == law}
-    bending = {name for name, of in _BENDING_CANDIDATES.items() if of == bent}
     found = {}
     for part, each in candidates.items():
         names = shear if part == "shear" else {chosen.tension}
         if part in _BENDING_PARTS:
-            names = bending
+            bent = chosen.bending_of(part)
+            names = {name for name, of in _BENDING_CANDIDATES.items() if of == bent}
         found[part] = [
             replace(x, error=np.nan, standard_error=np.nan, reason=reasons[part])
             if part in reasons and x.name in names
