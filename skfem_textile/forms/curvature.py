@@ -102,7 +102,7 @@ def _curvature_at_nodes(
     total = np.where(retained.any(axis=1), total, 0.0)
     scale = np.sqrt(values * retained / np.where(total > 0, total, 1.0)[:, None])
     scaled = (vectors * scale[:, None]) @ vectors.swapaxes(1, 2) / area[:, None, None]
-    L = slope_differences(basis, along, clamped, mirrors)
+    L = -slope_differences(basis, along, clamped, mirrors)
     m = block_diag(list(scaled), format="csr") @ kron(L, identity(d), format="csr")
     share = (total / area)[mesh.t.T]
     return Curvature(csr_matrix(m), mesh.t.T, _corner_areas(basis) * share)

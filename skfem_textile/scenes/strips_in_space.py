@@ -111,7 +111,7 @@ def _cantilever_figures(
 
 
 # Steps along a strip with a bending law, whose kinks give errors of second order.
-_STEPS = 2000
+_STEPS = 500
 
 
 def _exact_tip(bending: Any, length: float, weight: float) -> tuple[float, ...] | None:

@@ -12,7 +12,12 @@ from msgspec import structs
 from skfem_textile import Locking, OnePoint, Polynomial, scenes
 from skfem_textile.cases import CaseFileError, declared
 from skfem_textile.cases.scenes import SCENES
-from skfem_textile.cases.schema import AnyFormulation, ShearLaw, TensionLaw
+from skfem_textile.cases.schema import (
+    AnyFormulation,
+    BendingLaw,
+    ShearLaw,
+    TensionLaw,
+)
 from skfem_textile.cases.tables import Table, tag_of
 from skfem_textile.cases.tools import AnyTool
 from skfem_textile.cases.write import reference
@@ -20,7 +25,7 @@ from skfem_textile.declarations import words
 
 TABLES = [
     table
-    for union in (AnyFormulation, TensionLaw, ShearLaw, AnyTool)
+    for union in (AnyFormulation, TensionLaw, ShearLaw, BendingLaw, AnyTool)
     for table in get_args(union)
     if table.keys or tag_of(table) == "full"
 ] + [*SCENES.values()]

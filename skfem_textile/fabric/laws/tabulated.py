@@ -44,7 +44,10 @@ _COLUMNS: dict[Resistance, tuple[dict[str, dict[str, float]], ...]] = {
         {"fibre strain": {"-": 1.0, "1": 1.0, "%": 0.01}},
         {"tension": {"N/mm": 1.0, "kN/m": 1.0}},
     ),
-    "bending": ({"curvature": CURVATURE}, {"moment": BENDING_MOMENT}),
+    "bending": (
+        {"curvature": CURVATURE},
+        {"moment": BENDING_MOMENT, "bending moment": BENDING_MOMENT},
+    ),
 }
 _LIKE: dict[Resistance, str] = {
     "shear": "shear angle (deg),moment (N mm/mm2)",
