@@ -9,19 +9,26 @@ to the forces without friction, as to an elastic test.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from scipy.linalg import block_diag
 
 from ..fabric import WithFriction
+from .bending import BendingCurve
 from .choice import Test, of_kind, tests_of
 from .measured import FAMILIES
 from .preparing import REVERSAL
 from .solving import optimize
 from .specimens import Specimen
 from .tensile import Strip
+
+#: Tests whose loading and unloading may determine friction.
+Cyclic: TypeAlias = Specimen | Strip | BendingCurve
+
+# Laws that may have friction.
+_PARTS = ("shear", *FAMILIES, *(f"bending {family}" for family in FAMILIES))
 
 # Onsets: their number, and the smallest one over the largest reversal; the largest one
 # is half a reversal, within which an element slips backwards.
@@ -57,8 +64,8 @@ class Friction:
         """A law with these elements."""
         return WithFriction(law, self.limits, self.onsets)
 
-    def force(self, test: Specimen | Strip) -> ndarray:
-        """Part of the force of a test that friction carries in N, shape (n,).
+    def force(self, test: Cyclic) -> ndarray:
+        """Part of the force or moment of a test that friction carries, shape (n,).
 
         NaN where the argument of the law is.
         """
@@ -82,7 +89,7 @@ def friction_of(tests: Sequence[Test], up_to: float | None) -> dict[str, Frictio
         its loading.
     """
     found = {}
-    for part in ("shear", *FAMILIES):
+    for part in _PARTS:
         cyclic = in_cycles(tests_of(tests, part))
         if cyclic:
             found[part] = _found(cyclic, up_to)
@@ -91,51 +98,70 @@ def friction_of(tests: Sequence[Test], up_to: float | None) -> dict[str, Frictio
 
 def without_friction(one: Test, friction: dict[str, Friction]) -> Test:
     """The test with the forces of the elastic law alone."""
-    if not isinstance(one, Specimen | Strip) or one.parts[0] not in friction:
+    if not isinstance(one, Cyclic) or one.parts[0] not in friction:
         return one
-    carried = friction[one.parts[0]].force(one)
-    return replace(one, force=one.force - np.nan_to_num(carried))
+    rest = force_of(one) - np.nan_to_num(friction[one.parts[0]].force(one))
+    if isinstance(one, BendingCurve):
+        return replace(one, moment=rest)
+    return replace(one, force=rest)
 
 
-def displacement(test: Specimen | Strip) -> ndarray:
-    """Displacement of the machine in mm, of the measured angle if it is missing."""
+def force_of(test: Cyclic) -> ndarray:
+    """Measured force in N, or moment per width in N, shape (n,)."""
+    return test.moment if isinstance(test, BendingCurve) else test.force
+
+
+def displacement(test: Cyclic) -> ndarray:
+    """Displacement of the machine in mm, of the measured angle if it is missing.
+
+    For bending the curvature in 1/mm.
+    """
+    if isinstance(test, BendingCurve):
+        return test.curvature
     if test.displacement is not None:
         return test.displacement
     assert isinstance(test, Specimen)
     return test.test.displacement(test.angle)
 
 
-def work(test: Specimen | Strip, force: ndarray) -> float:
-    """Work of the machine in N·mm with a force along the history of a test."""
+def work(test: Cyclic, force: ndarray) -> float:
+    """Work of the machine in N·mm with a force along the history of a test.
+
+    For bending the work per area in N/mm.
+    """
     moved = displacement(test)
     known = np.isfinite(force) & np.isfinite(moved)
     return float(np.trapezoid(force[known], moved[known]))
 
 
-def predicted(test: Specimen | Strip, law: Any) -> ndarray:
-    """Force of an elastic law in a test in N, shape (n,)."""
+def predicted(test: Cyclic, law: Any) -> ndarray:
+    """Force or moment of an elastic law in a test, shape (n,)."""
     with np.errstate(invalid="ignore"):
         return sum(arm * law.value(x) for x, arm in _arms(test)) + 0.0
 
 
-def in_cycles(tests: Sequence[Test]) -> list[Specimen | Strip]:
+def in_cycles(tests: Sequence[Test]) -> list[Cyclic]:
     """Tests whose loading and unloading determine friction."""
-    curves: list[Any] = [*of_kind(tests, Specimen), *of_kind(tests, Strip)]
+    kinds = Specimen, Strip, BendingCurve
+    curves: list[Any] = [one for kind in kinds for one in of_kind(tests, kind)]
     return [one for one in curves if one.cyclic]
 
 
-def _arms(test: Specimen | Strip) -> Iterator[tuple[ndarray, ndarray]]:
+def _arms(test: Cyclic) -> Iterator[tuple[ndarray, ndarray]]:
     """Pairs of arguments x of the law and factors a: the force is Σ a law(x)."""
     if isinstance(test, Strip):
         along = test.along(FAMILIES.index(test.family))
         assert along is not None
         yield along.strain, test.width * np.exp(-along.strain)
         return
+    if isinstance(test, BendingCurve):
+        yield test.curvature, np.ones(test.curvature.size)
+        return
     for share, arm in test.test.arms(test.angle):
         yield share * test.angle, np.broadcast_to(arm, test.angle.shape)
 
 
-def _of_elements(test: Specimen | Strip, onsets: Any) -> ndarray:
+def _of_elements(test: Cyclic, onsets: Any) -> ndarray:
     """Forces of friction elements with limits of 1 N/mm in N, shape (n_onsets, n)."""
     onset, force = np.asarray(onsets), np.zeros(())
     for x, arm in _arms(test):
@@ -147,7 +173,7 @@ def _of_elements(test: Specimen | Strip, onsets: Any) -> ndarray:
     return force
 
 
-def _found(tests: Sequence[Specimen | Strip], up_to: float | None) -> Friction:
+def _found(tests: Sequence[Cyclic], up_to: float | None) -> Friction:
     """Friction of one law from its tests with cycles.
 
     Elements at neighbouring onsets of a grid are joined in pairs, and their onsets
@@ -180,7 +206,7 @@ def _found(tests: Sequence[Specimen | Strip], up_to: float | None) -> Friction:
     return Friction(tuple(limits.tolist()), tuple(onsets[kept].tolist()))
 
 
-def _reversal(test: Specimen | Strip) -> float:
+def _reversal(test: Cyclic) -> float:
     """Largest decrease of the argument of the law along a test."""
     x = max((x for x, _ in _arms(test)), key=lambda x: float(np.nanmax(x)))
     x = x[np.isfinite(x)]
@@ -204,7 +230,7 @@ class _Problem:
         See `Choice`.
     """
 
-    def __init__(self, tests: Sequence[Specimen | Strip], up_to: float | None) -> None:
+    def __init__(self, tests: Sequence[Cyclic], up_to: float | None) -> None:
         self._tests, self._used = tests, []
         for test in tests:
             used = np.isfinite(_of_elements(test, [1.0])[0])
@@ -212,8 +238,8 @@ class _Problem:
                 used &= test.used(up_to)
             self._used.append(used)
         pairs = [*zip(tests, self._used, strict=True)]
-        self._scales = [np.abs(test.force[used]).max() for test, used in pairs]
-        self._measured = self._joined([test.force for test in tests])
+        self._scales = [np.abs(force_of(test)[used]).max() for test, used in pairs]
+        self._measured = self._joined([*map(force_of, tests)])
         blocks = [_elastic(test)[used] for test, used in pairs]
         parts = zip(blocks, self._scales, strict=True)
         self._elastic = block_diag(*(block / scale for block, scale in parts))
@@ -243,7 +269,7 @@ class _Problem:
         return np.hstack([force[..., used] / scale for force, used, scale in triples])
 
 
-def _elastic(test: Specimen | Strip) -> ndarray:
+def _elastic(test: Cyclic) -> ndarray:
     """Forces of an elastic law by its values at the knots, and of a force at rest."""
     arms = [*_arms(test)]
     most = max(float(np.nanmax(np.abs(x))) for x, _ in arms)
@@ -257,5 +283,5 @@ def _elastic(test: Specimen | Strip) -> ndarray:
         for k in knots_but_0
     ]
     at_rest = isinstance(test, Specimen) and test.zeros.force is None
-    columns += [np.ones(test.force.size)] * at_rest
+    columns += [np.ones(force_of(test).size)] * at_rest
     return np.transpose(columns)

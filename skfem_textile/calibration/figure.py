@@ -17,7 +17,7 @@ from ..plot.curves import COLOURS
 from ..plot.drawing import picture_path, save
 from .bending import BendingCurve
 from .choice import Test, largest_argument
-from .cycles import displacement
+from .cycles import displacement, force_of
 from .fitting import FabricFit
 from .measured import FAMILIES, families_of
 from .validation import NORMAL_95, Validation
@@ -150,9 +150,12 @@ def _loops(result: FabricFit, part: str) -> Panel:
     def panel(axes: Axes) -> None:
         for colour, (test, force) in _coloured(result.loops(part)):
             moved = displacement(test)
-            axes.plot(moved, test.force, ".", ms=4, color=colour, label=test.name)
+            axes.plot(moved, force_of(test), ".", ms=4, color=colour, label=test.name)
             axes.plot(moved, force, color="black", lw=0.8)
-        axes.set(xlabel="displacement (mm)", ylabel="force (N)")
+        labels = "displacement (mm)", "force (N)"
+        if part.startswith("bending"):
+            labels = _CURVATURE, _MOMENT
+        axes.set(xlabel=labels[0], ylabel=labels[1])
 
     return panel
 

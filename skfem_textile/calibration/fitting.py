@@ -28,7 +28,14 @@ from .choice import (
     tests_of,
 )
 from .curves import beginning_notes
-from .cycles import Friction, friction_of, in_cycles, predicted, without_friction
+from .cycles import (
+    Cyclic,
+    Friction,
+    friction_of,
+    in_cycles,
+    predicted,
+    without_friction,
+)
 from .measured import FAMILIES, families_of
 from .regression import JointFit, fit
 from .selection import (
@@ -131,8 +138,8 @@ class FabricFit:
             for name, (value, _, _) in fit.zeros(i).items()
         }
 
-    def loops(self, part: str) -> list[tuple[Specimen | Strip, ndarray]]:
-        """Tests of a part with cycles, as measured, and the forces of the law in N."""
+    def loops(self, part: str) -> list[tuple[Cyclic, ndarray]]:
+        """Tests of a part with cycles, as measured, and the forces of the law."""
         both = self.tests_of(part), tests_of(self.measured, part)
         law, found = self.laws[part], []
         for fitted, measured in zip(*map(in_cycles, both), strict=True):

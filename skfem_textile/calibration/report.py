@@ -15,7 +15,7 @@ from .bands import CONFIDENCE, Fit
 from .bending import BendingCurve, CantileverTest
 from .choice import Test, largest_argument, reach
 from .curves import beginning_notes, departure_notes, rest_notes
-from .cycles import work
+from .cycles import force_of, work
 from .fitting import FabricFit
 from .measured import FAMILIES
 from .outliers import wild
@@ -60,34 +60,38 @@ def reports_of(result: FabricFit) -> dict[str, dict[str, Any]]:
 
 def friction_report(result: FabricFit, part: str) -> dict[str, Any]:
     """Friction elements of a law, and work of the machine in each test with cycles."""
-    law, curves = result.laws[part], []
+    law, curves = result.laws[part], list[dict[str, Any]]()
+    bending = part.startswith("bending")
+    unit = "N_per_mm" if bending else "N_mm"
     for one, force in result.loops(part):
-        works = work(one, one.force), work(one, force)
-        names = "work_measured_N_mm", "work_predicted_N_mm"
+        works = work(one, force_of(one)), work(one, force)
+        names = f"work_measured_{unit}", f"work_predicted_{unit}"
         curves.append({"name": one.name, **dict(zip(names, works, strict=True))})
     onsets = np.degrees(law.onsets) if part == "shear" else np.array(law.onsets)
-    return {
-        "limits_N_per_mm": list(law.limits),
-        "onsets_deg" if part == "shear" else "onsets": onsets.tolist(),
-        "curves": curves,
-    }
+    key = "onsets_per_mm" if bending else "onsets_deg" if part == "shear" else "onsets"
+    limits = "limits_N" if bending else "limits_N_per_mm"
+    return {limits: list(law.limits), key: onsets.tolist(), "curves": curves}
+
+
+# Units of limits, onsets and work by the keys of a report of friction.
+_LIMITS = {"limits_N": "N", "limits_N_per_mm": "N/mm"}
+_ONSETS = {"onsets_deg": " degrees", "onsets_per_mm": " 1/mm", "onsets": ""}
 
 
 def _friction_note(title: str, friction: dict[str, Any]) -> str:
     """The friction elements in a line."""
-    onsets, unit = friction.get("onsets_deg"), " degrees"
-    if onsets is None:
-        onsets, unit = friction["onsets"], ""
-    pairs = zip(friction["limits_N_per_mm"], onsets, strict=True)
-    elements = ", ".join(f"{f:.3g} N/mm at {y:.3g}{unit}" for f, y in pairs)
+    ((limit, unit),) = (x for x in _LIMITS.items() if x[0] in friction)
+    ((onset, of_onset),) = (x for x in _ONSETS.items() if x[0] in friction)
+    pairs = zip(friction[limit], friction[onset], strict=True)
+    elements = ", ".join(f"{f:.3g} {unit} at {y:.3g}{of_onset}" for f, y in pairs)
     works = ", ".join(
-        f"{x['name']} {x['work_measured_N_mm']:.4g} and {x['work_predicted_N_mm']:.4g}"
-        for x in friction["curves"]
+        "{} {:.4g} and {:.4g}".format(*one.values()) for one in friction["curves"]
     )
+    of_work = "N/mm" if limit == "limits_N" else "N·mm"
     return (
         f"{title}: friction elements with the limit at the onset {elements}; curves "
         "and the law above are without them; work over the cycles, measured and "
-        f"predicted, in N·mm: {works}"
+        f"predicted, in {of_work}: {works}"
     )
 
 

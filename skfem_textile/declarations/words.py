@@ -318,5 +318,5 @@ OF_FILES: dict[str, Options] = {
         ),
         **_READING,
     },
-    "bending": {**_FAMILY, **_READING, **_BRANCH},
+    "bending": {**_FAMILY, **_READING, **_BRANCH, **_CYCLES},
 }

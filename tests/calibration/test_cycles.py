@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from skfem_textile import CrimpToe, Linear, Polynomial, WithFriction
+from skfem_textile import Bilinear, CrimpToe, Linear, Polynomial, WithFriction
 from skfem_textile.calibration import (
+    BendingCurve,
     BiasExtension,
     Choice,
     PictureFrame,
@@ -70,6 +71,16 @@ def test_a_strip_identifies_the_loop_in_tension():
     (found, lost), (true, truly_lost) = (along(x, strain) for x in (fitted, law))
     assert lost == pytest.approx(truly_lost, rel=0.02)
     np.testing.assert_allclose(found, true, atol=0.01 * true.max())
+
+
+def test_moments_identify_the_loop_in_bending():
+    law = WithFriction(Bilinear(6.0, 0.02, 2.0), [0.01, 0.03], [1e-3, 8e-3])
+    curvature = np.concatenate([twice(0.06), -twice(0.06)])
+    curve = BendingCurve("curve", curvature, along(law, curvature)[0], cyclic=True)
+    fitted = fit_tests([curve], Choice(bending="bilinear")).laws["bending warp"]
+    np.testing.assert_allclose(fitted.onsets, law.onsets, rtol=1e-3)
+    np.testing.assert_allclose(fitted.limits, law.limits, rtol=1e-3)
+    assert fitted.law.stiffness == pytest.approx(6.0, rel=1e-3)
 
 
 def test_other_tests_of_the_part_have_the_same_friction():
