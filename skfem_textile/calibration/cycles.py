@@ -32,7 +32,7 @@ _PARTS = ("shear", *FAMILIES, *(f"bending {family}" for family in FAMILIES))
 
 # Onsets: their number, and the smallest one over the largest reversal; the largest one
 # is half a reversal, within which an element slips backwards.
-_ONSETS, _SMALLEST = 16, 0.01
+_ONSETS, _SMALLEST = 18, 0.005
 
 # Knots of the elastic law that is fitted with the friction.
 _KNOTS = 20
