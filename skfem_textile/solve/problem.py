@@ -52,8 +52,8 @@ OPPOSITE = -0.5
 _OVER_ROUND_OFF = 0.1
 
 #: Round-off of a stretch, in units of the round-off of a number: with one unit,
-#: macro-elements under a small load never converge (`pytest tests/solve/stepper -k
-#: round_off`).
+#: macro-elements under a small load take more than four times as many solves (`pytest
+#: -m slow tests/solve/test_equilibrium.py -k round_off`).
 ROUNDINGS = 4
 
 #: Advice for a ply that nothing stops.

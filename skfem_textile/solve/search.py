@@ -15,7 +15,7 @@ from . import active_set
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import solver_named
-from .newton import LESS_ROUNDING, METHODS, SETTLED, Damped, Method
+from .newton import LESS_ROUNDING, METHODS, SETTLED, Attempt, Damped, Method
 from .problem import HOLD, Evaluation, Problem, Tangent, balanced
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
 from .verdict import CHECKS, Trial
@@ -134,7 +134,8 @@ class EquilibriumSearch:
         for _ in range(_MOST_UPDATES):
             trial = found.trial
             problem, (u, f, p, *_, tangent) = trial.problem, trial.equilibrium
-            balance, closed = _balances(trial), _is_closed(trial)
+            balance = _balances(trial)
+            closed = active_set.is_closed(problem, u, p)
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
@@ -155,7 +156,8 @@ class EquilibriumSearch:
                     raise
                 break
             found = again._replace(projected=max(found.projected, again.projected))
-        if not _is_closed(found.trial):
+        end = found.trial.equilibrium
+        if not active_set.is_closed(found.trial.problem, end.u, end.parameters):
             raise NoEquilibriumError(
                 "the contact forces do not converge", advice="more steps"
             )
@@ -219,10 +221,11 @@ class EquilibriumSearch:
         problem, method = self.problem.at(t, propping), self.method
         try:
             with np.errstate(all="ignore"):  # what is not finite is caught
-                equilibrium = method.solve(
-                    *(problem, start, values, most),
+                attempt = Attempt(
+                    *(problem, values, most),
                     lambda *done: self.report(Iteration(t, step, method.name, *done)),
                 )
+                equilibrium = method.solve(attempt, start)
                 trial = Trial.of(problem, equilibrium, before)
                 u, _, p, *_ = equilibrium
                 driven = self.driven(problem, u, p, trial.energies)
@@ -246,17 +249,6 @@ def _balances(trial: Trial) -> bool:
         return True
     allowed = _IN_BALANCE * np.abs(problem.load(u, p)).sum()
     return bool(np.abs(problem.motions_of_supports(u) @ f).max() <= allowed)
-
-
-def _is_closed(trial: Trial) -> bool:
-    """True if gaps and contact forces satisfy the contact conditions."""
-    problem, (u, _, p, *_) = trial.problem, trial.equilibrium
-    if not problem.contacts:
-        return True
-    if not active_set.is_set(problem, p):
-        return False
-    size = float(np.ptp(problem.nodes, axis=1).max())
-    return active_set.error(problem, u, p) <= active_set.CLOSED * size
 
 
 def _limit_of_change(problem: Problem) -> float:

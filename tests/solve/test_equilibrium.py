@@ -242,7 +242,9 @@ def test_an_updated_state_keeps_its_difficulty(monkeypatch):
     ply = SimpleNamespace(updated=lambda p, u, t: {}, terms=())
     start = Evaluation(1.0, *np.zeros((3, 1)), {}, {})
     found = Equilibrium(*"ufp", (), 0.0)
-    problem = SimpleNamespace(ply=ply, evaluation=lambda *_: start, contacts=())
+    problem = SimpleNamespace(
+        ply=ply, evaluation=lambda *_: start, contacts=(), nodes=np.zeros((2, 1))
+    )
     trial = SimpleNamespace(problem=problem, equilibrium=found)
     states = (AcceptedEquilibrium(trial, n, False) for n in (9, 0))
     changes = iter([1.0, 0.0])
