@@ -303,6 +303,8 @@ def surface_predictor(problem: Problem, start: Evaluation) -> Evaluation:
     Returns the initial guess itself if no surface grows, or if carrying it folds the
     ply or leaves the domain of a law.
     """
+    if not problem.surfaces:
+        return start
     u = problem.surfaces.carried(start.u, start.load_factor, problem.load_factor)
     if u is None:
         return start

@@ -298,6 +298,7 @@ class Run:
         if not self.states:
             raise RuntimeError("the load stepper has not been run: call run()")
         stepper, clock = self._stepper, self.problem.clock
+        surfaces = self.problem.surfaces
         chosen: Any = self.problem.system.solver
         return Result(
             ply=self.problem.ply,
@@ -312,7 +313,7 @@ class Run:
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
             solver=chosen.choice,
-            surfaces=self.problem.surfaces.conditions,
+            surfaces=surfaces.conditions if surfaces else {},
             interval=partial(stepper.interval, chosen.choice.name),
         )
 

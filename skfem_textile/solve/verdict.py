@@ -423,7 +423,9 @@ def _point_supports(problem: Problem, u: ndarray) -> list[str]:
     constraints = problem.constraints
     values = np.abs(turned(u, constraints.turn)[constraints.prescribed])
     moved = constraints.prescribed[values > _ROUND_OFF * np.abs(u).max(initial=0.0)]
-    moved_nodes = np.setdiff1d(moved // len(problem.nodal(u)), problem.surfaces.nodes)
+    moved_nodes = moved // len(problem.nodal(u))
+    if problem.surfaces:
+        moved_nodes = np.setdiff1d(moved_nodes, problem.surfaces.nodes)
     return [
         name
         for name, nodes in constraints.nodes.items()

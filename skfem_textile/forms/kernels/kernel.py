@@ -23,7 +23,7 @@ x_a is linear in the nodal positions x_a, because γ maps reference positions to
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import combinations_with_replacement
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
@@ -74,6 +74,12 @@ class Kernel:
     fabric: Fabric
     basis_type: ClassVar[type[CellBasis]] = CellBasis
 
+    @cached_property
+    def resists(self) -> ndarray:
+        """1 for a family with a tension law, 0 for one without; shape (2, 1, 1)."""
+        resists = [not is_zero(family.tension) for family in self.fabric.families]
+        return np.array(resists, dtype=float)[:, None, None]
+
     def energy(self, x: "KernelState") -> float:
         """Energy in N·mm."""
         raise NotImplementedError
@@ -119,7 +125,7 @@ class TensionKernel(Kernel):
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension and its slope; `stiffnesses` has the slope for ε₁ + ε₂."""
-        tensions, stresses = _tension_values(self.fabric, x), []
+        tensions, stresses = _tension_values(x), []
         for i, (p, fabric, f) in enumerate(x.sets):
             T = tensions[i] if tensions else _laws(fabric, "value", f.strain)
             direct, cross = _slopes(fabric, f.strain)
@@ -228,7 +234,7 @@ class MeanTensionKernel(Kernel):
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T for strain deviations."""
         stretches, means, E_d = self._state(x)
-        T = _tension_values(self.fabric, x)
+        T = _tension_values(x)
         if not T:
             N = _laws(x.group.fabric, "value", np.log(means)) / means
             T = [stretch * (N + E_d * (stretch - means)) for stretch in stretches]
@@ -291,8 +297,7 @@ class MeanTensionKernel(Kernel):
         """
         stretches = [np.sqrt(f.squared_stretch) for f in x.fibres]
         E_d = np.asarray(parameter(x.w, "E_d"))[:, x.group.elements, 0]
-        E_d = _resisting(self.fabric) * E_d[:, None]
-        return stretches, _mean(x.group, stretches), E_d
+        return stretches, _mean(x.group, stretches), self.resists * E_d[:, None]
 
 
 def can_compute(kernel: Kernel | None, basis: Any) -> bool:
@@ -346,19 +351,13 @@ def _mean(group: ElementGroup, values: list[ndarray]) -> ndarray:
     return sum((p.dx * x).sum(axis=1, keepdims=True) for p, x in pairs) / group.area
 
 
-def _resisting(fabric: Fabric) -> ndarray:
-    """1 for a family with a tension law, 0 for one without; shape (2, 1, 1)."""
-    resists = [not is_zero(family.tension) for family in fabric.families]
-    return np.array(resists, dtype=float)[:, None, None]
-
-
-def _tension_values(fabric: Fabric, x: KernelState) -> list[ndarray]:
+def _tension_values(x: KernelState) -> list[ndarray]:
     """Predicted tensions from ``w["tension"]``; empty: use the law."""
     if "tension" not in x.w:
         return []
     T = np.asarray(x.w["tension"])[..., x.group.elements, :]
     at_points = (np.moveaxis(T[..., i], -1, -2) for i in x.group.point_numbers)
-    return [_resisting(fabric) * T_p for T_p in at_points]
+    return [x.kernel.resists * T_p for T_p in at_points]
 
 
 def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:

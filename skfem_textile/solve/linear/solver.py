@@ -327,7 +327,7 @@ class ScaledFactors:
 
     def __reduce__(self) -> tuple[Callable, tuple]:
         """Factors are pickled as their matrix, and computed again."""
-        return self._solver.factors_of, (self._scaled,)
+        return ScaledFactors, (self._solver, self._scaled)
 
     def _latest(self) -> Factors:
         """Factors of the last solver, or of the next one if it needs a definite A."""
@@ -424,11 +424,7 @@ class ChosenSolver:
             if self._rivals and (choice := self._measured(scaled.data)):
                 self.choice, self._rivals = choice, ()
                 log.info("linear solver %s: %s", *choice)
-            return self.factors_of(scaled)
-
-    def factors_of(self, scaled: Scaled) -> ScaledFactors:
-        """Factors of a matrix that is scaled already; errors as of `factorise`."""
-        return ScaledFactors(self, scaled)
+            return ScaledFactors(self, scaled)
 
     def names(self) -> Iterator[str]:
         """Names of its solver and of those that take over, RSLAB and SuperLU."""
