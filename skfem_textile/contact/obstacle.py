@@ -189,7 +189,8 @@ class Obstacle:
         unit[:, near] = gradient[:, regular] / slope
         touched = near[within]
         gap = np.full(x.shape[1], np.inf)
-        gap[touched] = self._sign * distance[touched] + self._offset(t)
+        room = 0.0 if self.reach is None else self.reach(t)
+        gap[touched] = self._sign * distance[touched] + (room - self.half)
         return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
 
     def _refuse_undefined(self, method: str, values: ndarray, x: ndarray) -> None:
@@ -233,9 +234,6 @@ class Obstacle:
     @property
     def _sign(self) -> int:
         return self.side if self.reach is None else -self.side
-
-    def _offset(self, t: float) -> float:
-        return (0.0 if self.reach is None else self.reach(t)) - self.half
 
     def _first_order(self, x: ndarray) -> tuple[ndarray, ndarray]:
         if hasattr(self.surface, "first_order"):

@@ -126,8 +126,8 @@ class Problem:
         True if there are loads, or a term with a ``line_search``, respectively.
     moves
         True if supports, surfaces or tools move after the load factor 0.
-    contacts
-        Terms of contact with tools.
+    contacts, balancing
+        Terms of contact with tools, and self-balancing loads.
 
     Raises
     ------
@@ -153,6 +153,7 @@ class Problem:
         for term in ply.terms:
             if reason := getattr(term, "unsupported", lambda _: "")(constraints):
                 raise ValueError(f"load {term.name!r}: {reason}")
+        self.balancing = [term for term in ply.terms if term.balances]
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
         for tool in self.contacts:
@@ -408,12 +409,11 @@ def balanced(
     A reaction is the work of the nodal forces ``f`` over the linear response to a unit
     displacement of its prescribed unknown.
     """
-    changed = [term for term in problem.ply.terms if term.balances]
-    if not changed:
-        return parameters
-    motions = tangent.motions()
+    motions, values = tangent.motions(), {}
     work = motions @ f
-    values = {x.name: x.balanced(parameters[x.name], motions, work) for x in changed}
+    for term in problem.balancing:
+        p = parameters[term.name]
+        values[term.name] = term.balanced(p, motions, work)
     return Frozen({**parameters, **values})
 
 

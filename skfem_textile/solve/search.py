@@ -134,7 +134,7 @@ class EquilibriumSearch:
         for _ in range(_MOST_UPDATES):
             trial = found.trial
             problem, (u, f, p, *_, tangent) = trial.problem, trial.equilibrium
-            balance = _balances(trial)
+            balance = not problem.balancing or _balances(trial)
             closed = active_set.is_closed(problem, u, p)
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
@@ -245,7 +245,7 @@ def _balances(trial: Trial) -> bool:
     """False if a self-balancing load leaves support reactions."""
     problem, (u, f, p, *_) = trial.problem, trial.equilibrium
     tangent = trial.equilibrium.tangent
-    if tangent is None or not any(term.balances for term in problem.ply.terms):
+    if tangent is None:
         return True
     allowed = _IN_BALANCE * np.abs(problem.load(u, p)).sum()
     return bool(np.abs(problem.motions_of_supports(u) @ f).max() <= allowed)

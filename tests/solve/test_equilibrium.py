@@ -243,7 +243,11 @@ def test_an_updated_state_keeps_its_difficulty(monkeypatch):
     start = Evaluation(1.0, *np.zeros((3, 1)), {}, {})
     found = Equilibrium(*"ufp", (), 0.0)
     problem = SimpleNamespace(
-        ply=ply, evaluation=lambda *_: start, contacts=(), nodes=np.zeros((2, 1))
+        ply=ply,
+        evaluation=lambda *_: start,
+        contacts=(),
+        balancing=(),
+        nodes=np.zeros((2, 1)),
     )
     trial = SimpleNamespace(problem=problem, equilibrium=found)
     states = (AcceptedEquilibrium(trial, n, False) for n in (9, 0))
