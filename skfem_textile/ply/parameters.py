@@ -400,6 +400,8 @@ class HeldDeviation(HeldStiffness):
 
     def _of(self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray) -> ndarray:
         elsewhere = deviation_stiffness(self._multiple, G, E, T)
+        if not self.layer.any():
+            return elsewhere
         on = layer_stiffness(self.layer, G, E)
         return np.where(self.layer > 0, on, elsewhere)
 

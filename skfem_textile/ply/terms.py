@@ -271,7 +271,7 @@ class FormTerm(ElementTerm):
             return ""
         return "its basis is not a basis of the displacement: build it on ply.mesh"
 
-    @property
+    @cached_property
     def nodes(self) -> ndarray:
         """Nodes of the elements of the basis, shape (n_nodes, n_elements)."""
         d = components(self.basis)

@@ -129,7 +129,7 @@ class EquilibriumSearch:
         """
         found, damped = self._first(target), Damped()
         most = min(target.most_projected, MOST_PROJECTED)
-        limit = _limit_of_change(self.problem)
+        limit = _SETTLED_BETWEEN_TOOLS if self.problem.contacts else SETTLED
         target = target._replace(most_projected=most)
         for _ in range(_MOST_UPDATES):
             trial = found.trial
@@ -139,7 +139,7 @@ class EquilibriumSearch:
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
-                    change = 0.0 if after is p else _change(trial, after)
+                    change = 0.0 if after is p else _change(trial, after, limit)
                     converged = damped.converges(change, limit)
                     if converged and balance and closed:
                         return found._replace(converged=True)
@@ -200,17 +200,6 @@ class EquilibriumSearch:
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
 
-    def driven(
-        self,
-        problem: Problem,
-        u: ndarray,
-        parameters: PlyParameters,
-        energies: dict[str, float],
-    ) -> bool:
-        """True if the load path is followed and growing loads drive the ply."""
-        state = u, parameters, energies
-        return self.method.follows_path and loads_drive(problem, *state, problem.moves)
-
     def _first(self, target: Target) -> AcceptedEquilibrium:
         """Equilibrium, with the initial parameters, that passes all checks.
 
@@ -228,7 +217,9 @@ class EquilibriumSearch:
                 equilibrium = method.solve(attempt, start)
                 trial = Trial.of(problem, equilibrium, before)
                 u, _, p, *_ = equilibrium
-                driven = self.driven(problem, u, p, trial.energies)
+                driven = method.follows_path and loads_drive(
+                    *(problem, u, p, trial.energies)
+                )
                 trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:
             at_rest = not t and failure.advice not in (LESS_ROUNDING, HOLD)
@@ -251,16 +242,11 @@ def _balances(trial: Trial) -> bool:
     return bool(np.abs(problem.motions_of_supports(u) @ f).max() <= allowed)
 
 
-def _limit_of_change(problem: Problem) -> float:
-    """Change of energy and reactions up to which the parameters are settled."""
-    return _SETTLED_BETWEEN_TOOLS if problem.contacts else SETTLED
-
-
-def _change(trial: Trial, parameters: PlyParameters) -> float:
+def _change(trial: Trial, parameters: PlyParameters, limit: float) -> float:
     """Change of an equilibrium by an update of its parameters.
 
-    It is the larger relative change of energy and forces, to first order;
-    zero if within the tolerance of the equilibrium.
+    It is the larger relative change of energy and forces, to first order; zero if
+    within the tolerance of the equilibrium, or certainly below a limit.
     """
     problem, (u, f, *_) = trial.problem, trial.equilibrium
     tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent
@@ -270,7 +256,7 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     if problem.unbalanced(start.f, u) <= tolerance:
         return 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
-    limit, largest = _limit_of_change(problem), _largest_force(trial)
+    largest = _largest_force(trial)
     if abs(end - before) <= limit * abs(before) and (
         np.abs(start.f - f).sum() <= _CERTAINLY * limit * largest
     ):
@@ -401,7 +387,8 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
     in_balance = fixed and residual <= tolerance
     if fixed and p is not at_rest and np.isfinite(f).all():
         change = _change_to_balance(trial, problem.evaluation(u, p, tangent))
-        in_balance = change <= _limit_of_change(problem)
+        limit = _SETTLED_BETWEEN_TOOLS if problem.contacts else SETTLED
+        in_balance = change <= limit
     if not in_balance:
         cause = f"the largest free nodal force is {residual:.3g} N"
         if not fixed:

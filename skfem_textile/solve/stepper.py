@@ -22,6 +22,7 @@ from .continuation import (
     Continuation,
     balanced_at_rest,
     load_growth,
+    loads_drive,
     moves,
     path_warning,
     surface_predictor,
@@ -436,8 +437,9 @@ class Run:
         last, start, problem = self.states[-1], self._start, self.problem
         t = self.continuation.end(last.load_factor, t_end)
         step = t - last.load_factor
-        evaluated = start.u, start.parameters, start.energies
-        driven = self._search.driven(problem.at(start.load_factor), *evaluated)
+        driven = self._search.method.follows_path and loads_drive(
+            problem.at(start.load_factor), start.u, start.parameters, start.energies
+        )
         try:
             values = problem.constraints.fixed_values(t)
             # The factors of loads are user functions.
@@ -445,7 +447,7 @@ class Run:
         except ValueError as error:
             raise self._stopped(error) from None
         most_projected = self.continuation.most_projected(step, t, driven)
-        guess = surface_predictor(problem.at(t), start)
+        guess = surface_predictor(problem.at(t), start) if problem.surfaces else start
         try:
             found = self._search(Target(t, step, values, guess, start, most_projected))
         except NoEquilibriumError as failure:

@@ -362,4 +362,4 @@ def test_loads_drive_a_ply_if_their_work_is_half_of_its_energy(share, drives):
     ply = ply.with_terms(Force("right", (1.0, 0.0)))
     u, problem = np.full(ply.basis.N, 0.01), problem_of(ply, conditions).at(1.0)
     energies = {"tension": share * float(ply.load(u, 1.0) @ u)}
-    assert loads_drive(problem, u, ply.parameters_at_rest, energies, True) == drives
+    assert loads_drive(problem, u, ply.parameters_at_rest, energies) == drives
