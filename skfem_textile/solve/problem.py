@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
-from ..ply.parameters import Frozen, PlyParameters
+from ..ply.parameters import PlyParameters
 from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from .conditions import Constraints, plain, reactions, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
@@ -399,22 +399,6 @@ class Problem:
         forces = self.nodal(u)
         dof = len(forces) * np.linalg.norm(forces, axis=0).argmax()
         return np.flatnonzero((self.ply.basis.element_dofs == dof).any(axis=0))
-
-
-def balanced(
-    problem: Problem, u: ndarray, f: ndarray, parameters: PlyParameters, tangent: Any
-) -> PlyParameters:
-    """Parameters with self-balancing loads adjusted so that reactions vanish.
-
-    A reaction is the work of the nodal forces ``f`` over the linear response to a unit
-    displacement of its prescribed unknown.
-    """
-    motions, values = tangent.motions(), {}
-    work = motions @ f
-    for term in problem.balancing:
-        p = parameters[term.name]
-        values[term.name] = term.balanced(p, motions, work)
-    return Frozen({**parameters, **values})
 
 
 class Tangent:

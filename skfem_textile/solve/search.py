@@ -16,7 +16,7 @@ from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import solver_named
 from .newton import LESS_ROUNDING, METHODS, SETTLED, Attempt, Damped, Method
-from .problem import HOLD, Evaluation, Problem, Tangent, balanced
+from .problem import HOLD, Evaluation, Problem, Tangent
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
 from .verdict import CHECKS, Trial
 
@@ -133,7 +133,7 @@ class EquilibriumSearch:
         target = target._replace(most_projected=most)
         for _ in range(_MOST_UPDATES):
             trial = found.trial
-            problem, (u, f, p, *_, tangent) = trial.problem, trial.equilibrium
+            problem, (u, _, p, *_, tangent) = trial.problem, trial.equilibrium
             balance = not problem.balancing or _balances(trial)
             closed = active_set.is_closed(problem, u, p)
             try:
@@ -147,7 +147,7 @@ class EquilibriumSearch:
                         of_tools = active_set.of_tools(problem, after)
                         after = Frozen({**damped(p, after, change), **of_tools})
                     if not balance:
-                        after = balanced(problem, u, f, after, tangent)
+                        after = _balanced(trial, after)
                     start = problem.evaluation(u, after, tangent)
                     start = replace(start, keeps_parameters=True)
                 again = self._first(target._replace(start=start))
@@ -240,6 +240,20 @@ def _balances(trial: Trial) -> bool:
         return True
     allowed = _IN_BALANCE * np.abs(problem.load(u, p)).sum()
     return bool(np.abs(problem.motions_of_supports(u) @ f).max() <= allowed)
+
+
+def _balanced(trial: Trial, parameters: PlyParameters) -> PlyParameters:
+    """Parameters with self-balancing loads adjusted so that reactions vanish.
+
+    A reaction is the work of the nodal forces over the linear response to a unit
+    displacement of its prescribed unknown.
+    """
+    motions, values = trial.equilibrium.tangent.motions(), {}
+    work = motions @ trial.equilibrium.f
+    for term in trial.problem.balancing:
+        p = parameters[term.name]
+        values[term.name] = term.balanced(p, motions, work)
+    return Frozen({**parameters, **values})
 
 
 def _change(trial: Trial, parameters: PlyParameters, limit: float) -> float:
