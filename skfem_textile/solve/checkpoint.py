@@ -349,7 +349,7 @@ class Replay:
         Raises an error if they disagree.  Counters and residuals are not compared,
         because they depend on the iterations.
         """
-        problem, (u, f, *_) = trial.problem, trial.equilibrium
+        problem, u, f = trial.problem, trial.u, trial.f
         if not problem.is_fixed(u, fixed_values):
             raise ValueError(
                 "its displacement does not satisfy the conditions at its load factor"
