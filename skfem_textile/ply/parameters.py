@@ -18,9 +18,8 @@ from skfem import CellBasis, asm
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from ..fabric.law import Law, mean_slope
-from ..forms.form import mean
 from ..forms.hourglass import hourglass_rate, rate_increment
-from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers
+from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers, mean
 from ..mesh.scikit_fem import FormExtraParams
 
 T = TypeVar("T")
