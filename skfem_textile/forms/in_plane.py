@@ -43,7 +43,7 @@ from skfem.helpers import ddot
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from ..fabric.law import with_slip
-from ..mesh.bases import JumpBasis
+from ..mesh.bases import JumpBasis, mean
 from ..mesh.user_input import parameter
 from .form import (
     Forms,
@@ -54,7 +54,6 @@ from .form import (
     elements,
     families_with_law,
     gradient,
-    mean,
     of_density,
     once,
     outer,

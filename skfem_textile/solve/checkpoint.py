@@ -246,7 +246,7 @@ class Checkpoint:
         the parameters at rest.
         """
         ply, constraints = self._ply, self._constraints
-        turn = constraints.turn
+        turn, surfaces = constraints.turn, constraints.surfaces
         fabric = ply.fabric.at()
         warp, weft, shear = fabric.laws
         entries = {
@@ -273,7 +273,7 @@ class Checkpoint:
             "fixed values": np.array(
                 [constraints.fixed_values(t) for t in load_factors]
             ),
-            "surfaces": constraints.surfaces.levels(1.0),
+            "surfaces": np.empty(0) if surfaces is None else surfaces.levels(1.0),
         }
         if self._release:
             entries["ends of conditions"] = np.array(self._release.ends)
@@ -352,7 +352,7 @@ class Replay:
         Raises an error if they disagree.  Counters and residuals are not compared,
         because they depend on the iterations.
         """
-        problem, (u, f, *_) = trial.problem, trial.equilibrium
+        problem, u, f = trial.problem, trial.u, trial.f
         if not problem.is_fixed(u, fixed_values):
             raise ValueError(
                 "its displacement does not satisfy the conditions at its load factor"
