@@ -3,7 +3,7 @@
 A strip with an overhang of length L bends under its weight w per area, so that its
 chord is inclined by the angle θ below the horizontal.  For an elastica θ is a function
 of w L³/D alone, which is inverted here.  Peirce's formula is D = w L³/8 · cos(θ/2)/tan
-θ.  For a bending law, the stiffness of each reading is that of the elastica with the
+θ.  For a bending law, the stiffness of each reading belongs to the elastica with the
 same chord angle.
 """
 

@@ -400,6 +400,11 @@ class BendingOfFamily(Table):
     law: BendingLaw
     friction: BendingFriction | None = None
 
+    def build(self) -> Any:
+        """Build the law of a family; see `Weft.build`."""
+        law = self.law.build("bending")
+        return law if self.friction is None else self.friction.added_to(law)
+
 
 class Bending(Table):
     """Bending and twist stiffnesses per width of ply."""
@@ -412,22 +417,13 @@ class Bending(Table):
 
     def build(self) -> tuple[Any, Any]:
         """Stiffness or law of warp and weft; an error if a family has both."""
-        return (
-            self._of("warp", self.warp_N_mm, self.warp_law),
-            self._of("weft", self.weft_N_mm, self.weft_law),
-        )
+        return self._of("warp"), self._of("weft")
 
-    @staticmethod
-    def _of(family: str, stiffness: float, table: BendingOfFamily | None) -> Any:
-        if table is None:
-            return stiffness
-        if stiffness:
-            raise ValueError(
-                f"{family}_N_mm is {stiffness:g}, but {family}_law is a law: omit one "
-                "of them"
-            )
-        law = table.law.build("bending")
-        return law if table.friction is None else table.friction.added_to(law)
+    def _of(self, family: str) -> Any:
+        D, table = getattr(self, f"{family}_N_mm"), getattr(self, f"{family}_law")
+        if table and D:
+            raise ValueError(f"{family}_N_mm: {family}_law is a law: omit one of them")
+        return table.build() if table else D
 
 
 class Region(Table):

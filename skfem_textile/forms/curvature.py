@@ -1,7 +1,7 @@
 """Curvature vectors of fibres as a linear operator, for bending laws.
 
-They are those of the energy ½ ∫ D |κ|² of `bending`: at the nodes of quadrilaterals,
-and means of triangles.  Jumps of the slope s between triangles, which `bending`
+They enter the energy ½ ∫ D |κ|² of `bending` too: at the nodes of quadrilaterals, and
+as means of triangles.  Jumps of the slope s between triangles, which `bending`
 penalises by ½ ∫ σ D (A·n)⁴ |[s]|² over edges with σ = σ₀ c, are here curvatures c
 (A·n)² [s] on the area σ₀/c per length of an edge, with the law: the stiffness at rest
 would be too large where fibres soften, and too small where they stiffen.

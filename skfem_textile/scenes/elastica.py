@@ -191,7 +191,7 @@ def _from_tips(
 
 # Steps of `chord_angles`, first to bracket the tips, and number of tips.  Errors are
 # below 10⁻⁴ of an angle for smooth laws and 4·10⁻³ next to the knee of a bilinear one,
-# less than those of measured angles: pytest tests/scenes/test_drooping.py
+# less than errors of measured angles: pytest tests/scenes/test_drooping.py
 _COARSE_STEPS, _FINE_STEPS, _N_TIPS = 16, 60, 33
 
 # Fewest tips of strips that are horizontal at their clamps.
