@@ -315,8 +315,8 @@ def secant_predictor(
     """Predictor between tools: the last two states, extrapolated linearly.
 
     The extrapolation is in proportion to the motion of supports and tools.  Nodes on
-    straight lines stretch fibres that rotate, to second order, so that the tensions for
-    the first tangent are those of the last state.  Returns the last state if nothing
+    straight lines stretch fibres that rotate, to second order; the first tangent
+    therefore contains the tensions at the last state.  Returns the last state if nothing
     moves, or if the extrapolation folds the ply or leaves the domain of a law.
     """
     before, last = states[-2:]

@@ -83,7 +83,7 @@ class Evaluation:
     keeps_parameters
         True if an iteration between tools does not update the parameters.
     tension
-        Fibre tensions for the first tangent between tools, instead of those at ``u``.
+        Fibre tensions for the first tangent between tools, by default those at ``u``.
     """
 
     load_factor: float
