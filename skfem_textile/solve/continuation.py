@@ -316,8 +316,8 @@ def secant_predictor(
 
     The extrapolation is in proportion to the motion of supports and tools.  Nodes on
     straight lines stretch fibres that rotate, to second order; the first tangent
-    therefore contains the tensions at the last state.  Returns the last state if nothing
-    moves, or if the extrapolation folds the ply or leaves the domain of a law.
+    therefore contains the tensions at the last state.  Returns the last state if
+    nothing moves, or if the extrapolation folds the ply or leaves the domain of a law.
     """
     before, last = states[-2:]
     places = (_places(problem, x.load_factor) for x in (before, last, problem))
