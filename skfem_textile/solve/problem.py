@@ -85,6 +85,8 @@ class Evaluation:
         A `Tangent` for the first increment; None where it is singular.
     keeps_parameters
         True if an iteration between tools does not update the parameters.
+    tension
+        Fibre tensions for the first tangent between tools, by default those at ``u``.
     """
 
     load_factor: float
@@ -95,6 +97,7 @@ class Evaluation:
     parameters: PlyParameters
     tangent: Any = None
     keeps_parameters: bool = False
+    tension: ndarray | None = None
 
 
 class Problem:
