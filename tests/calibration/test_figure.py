@@ -12,9 +12,9 @@ from skfem_textile.calibration.validation import NORMAL_95, validate
 from tests.helpers.fits import FRAME, specimen, strip
 
 pytest.importorskip("matplotlib")
-from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.figure import Figure
 
-from skfem_textile.calibration import figure  # noqa: E402
+from skfem_textile.calibration import figure
 
 GAMMA = np.radians(np.linspace(2.0, 35.0, 12))
 ANGLES = np.degrees(GAMMA)

@@ -164,3 +164,24 @@ def test_simple_shear_is_under_a_small_tension_and_its_help_says_so():
     texts = " ".join(str(entry) for entry in entries)
     assert SHEAR_TENSION == 0.1
     assert "tension across the clamp (default with tension: 0.1)" in texts
+
+
+def test_a_scene_with_inclined_fibres_has_one_inclination_for_each_family():
+    for table in SCENES.values():
+        names = {field.name for field in fields(table.declaration)}
+        texts = {field.name: str(field.metadata) for field in fields(table.declaration)}
+        assert ("warp" in names) == ("weft" in names)
+        for name in names & {"warp", "weft"}:
+            assert f"inclination of the {name}" in texts[name]
+
+
+@pytest.mark.parametrize(
+    ("n", "accepted"), [(1, False), (2, True), (8, True), (9, False)]
+)
+def test_a_setting_has_two_to_eight_keys(n, accepted):
+    word = f"{'.'.join('abcdefghi'[:n])}=5"
+    if accepted:
+        assert words.setting(word)[1] == 5
+        return
+    with pytest.raises(ArgumentTypeError, match="expected KEY=VALUE"):
+        words.setting(word)

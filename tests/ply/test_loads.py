@@ -234,3 +234,25 @@ def test_edges_on_planes_of_symmetry_move_along_them():
         result = LoadStepper(ply, conditions, 2, solver="superlu").run()
         heights.append(ply.nodal(result.u)[2].max())
     assert heights[1] == pytest.approx(heights[0], rel=1e-8)
+
+
+def test_a_force_on_nodes_is_shared_equally():
+    mesh = MeshQuad().refined(1).with_defaults()
+    force = Force(lambda x: x[1] == 1, (3.0, 6.0))
+    ply = Ply(mesh, Fabric(1e3), Full(), terms=[force])
+    force = ply.nodal(ply.load(ply.basis.zeros(), 1.0))
+    top = ply.nodes[1] == 1
+    np.testing.assert_allclose(force[:, top].T, [[1.0, 2.0]] * 3)
+    assert not force[:, ~top].any()
+
+
+def test_the_twist_of_both_families_has_an_energy():
+    """z = c x y has the twist c, and no curvature along the fibres."""
+    mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
+    ply = Ply(mesh, Fabric(1e3, bending=(5.0, 7.0), twist=3.0), Full(), dimension=3)
+    u = ply.basis.zeros()
+    x, y = ply.nodes[:2]
+    u.reshape(-1, 3)[:, 2] = 0.01 * x * y
+    (term,) = (term for term in ply.terms if term.name == "bending")
+    energy = term.energy(u, 1.0, {})
+    assert energy == pytest.approx(0.5 * 3.0 * 0.01**2 * 100)
