@@ -6,9 +6,9 @@ import pytest
 from skfem_textile import CrimpInterchange, Linear, Locking, Sin2, Tabulated
 
 pytest.importorskip("matplotlib")
-from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.figure import Figure
 
-from skfem_textile.plot.curves import plot_law, plot_tensions  # noqa: E402
+from skfem_textile.plot.curves import plot_law, plot_tensions
 
 
 def drawn(law, **how):
