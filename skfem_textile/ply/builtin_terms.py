@@ -1,23 +1,31 @@
-"""Terms of bending, and of resistance to folding at corners."""
+"""Terms of bending, and of resistance to folding at corners and out of plane."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 from scipy.linalg import expm
 from scipy.sparse import csr_matrix
 from skfem import CellBasis, Mesh, asm
+from skfem.helpers import cross
 
 from ..fabric import Fabric
+from ..fabric.fabric import is_law
+from ..fabric.law import LARGEST_CURVATURE, law_at
 from ..forms.in_plane import RESISTING, corner_resistance
+from ..forms.kernels.elements import hourglass_mode
 from ..forms.kernels.kernel import node_pair_blocks
-from ..mesh.bases import CornerBasis, Corners, components
+from ..mesh.bases import CornerBasis, Corners, components, node_positions
 from ..mesh.selection import FIBRE_ENDS, FibreEnd, Turning
 from ..mesh.user_input import call_user_function, real_numbers, shortened
 from .parameters import NO_VALUES, Values
-from .terms import ElementTerm, MatrixTerm, named_edges
+from .terms import ElementTerm, FormTerm, MatrixTerm, named_edges
+
+if TYPE_CHECKING:
+    from ..forms.bending_laws import BentFibres
 
 # Lower bound of κ relative to the fibre stiffness.  A larger value adds energy where
 # corners close; a smaller one lets them come closer to folding.  One tenth and ten
@@ -82,25 +90,138 @@ class CornerTerm(ElementTerm):
         return CornerBasis(self._basis, elements, closing)
 
 
+# ε_ijk, of the cross product
+_EPSILON = np.zeros((3, 3, 3))
+_EPSILON[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
+_EPSILON[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
+
+# Cyclic pairs of the vectors y of `OutOfPlane`, and the third.
+_CYCLE = (0, 1, 2), (1, 2, 0), (2, 0, 1)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutOfPlane(FormTerm):
+    """Term of `out_of_plane`, evaluated for all elements at once.
+
+    With γ and ∇h of `hourglass_mode`, the energy of an element is ½ k v², where ``k =
+    C_s Σ_k A/4 |∇h(ξ_k)|²`` and v = (y₁ × y₂)·y₃: y₁ and y₂ are the columns of the
+    deformation gradient at the centre, y₃ = Σ γ_a u_a.  Each y_s = Σ_a B_sa x_a is
+    linear in the nodal positions x_a, because γ maps reference positions to zero.
+
+    Parameters
+    ----------
+    basis
+        The `HourglassBasis` of the forms.
+    C_s
+        Stiffness in N/mm, one for each element, shape (n_elements, 1); if the term has
+        parameters, an upper limit of their ``C_s``.
+    """
+
+    C_s: ndarray
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """Energy in N·mm."""
+        k, _, _, v = self._state(u, p)
+        return 0.5 * float((k * v**2).sum())
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """Nodal forces in N, shape (n_unknowns,)."""
+        k, _, gradients, v = self._state(u, p)
+        f, nodes = np.empty((3, len(u) // 3)), self.nodes.ravel()
+        local = k * v * gradients
+        for i in range(3):
+            f[i] = np.bincount(nodes, local[:, i].ravel(), f.shape[1])
+        return f.T.ravel()
+
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """Blocks of the pairs of nodes of the elements, shape (10, 3, 3, n)."""
+        k, y, gradients, v = self._state(u, p)
+        (a, c), (B, _, _) = np.triu_indices(4), self._undeformed
+        K = np.einsum("n,pin,pjn->pijn", k, gradients[a], gradients[c])
+        across = sum(
+            (B[s, a] * B[t, c] - B[t, a] * B[s, c])[:, None] * y[third]
+            for s, t, third in _CYCLE
+        )
+        K += np.einsum("n,ijk,pkn->pijn", k * v, _EPSILON, across)
+        return K
+
+    def _form_parameters(self, t: float, p: Values) -> dict[str, Any]:
+        C_s = np.minimum(p.get("C_s", np.inf), self.C_s)
+        return {**super()._form_parameters(t, p), "C_s": C_s}
+
+    @cached_property
+    def _undeformed(self) -> tuple[ndarray, ndarray, ndarray]:
+        """B, Σ_k A/4 |∇h(ξ_k)|² at the points, and positions of the nodes."""
+        basis: Any = self.basis
+        at_centre, gamma, slope = hourglass_mode(basis, basis.gradients()[0])
+        B = np.array([*at_centre[..., 0].swapaxes(0, 1), gamma])
+        weight = basis.dx * (slope**2).sum(axis=0)
+        return B, weight, np.pad(basis.mesh.p, ((0, 1), (0, 0)))
+
+    def _state(
+        self, u: ndarray, p: Values
+    ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+        """k, (n,), the y_s, (3, 3, n), ∂v/∂x_a, (4, 3, n), and v, (n,)."""
+        B, weight, X = self._undeformed
+        k = (np.minimum(p.get("C_s", np.inf), self.C_s) * weight).sum(axis=1)
+        x = (X + u.reshape(-1, 3).T)[:, self.nodes]
+        y = np.einsum("san,ian->sin", B, x)
+        d = np.array([cross(y[s], y[t]) for s, t, _ in _CYCLE])
+        gradients = np.einsum("san,sin->ain", B[[2, 0, 1]], d)
+        return k, y, gradients, (y[2] * d[0]).sum(axis=0)
+
+
 @dataclass(frozen=True, eq=False)
 class BendingTerm(MatrixTerm):
-    """Energy ½ v·K·v with optionally rotating clamps; v as in `bending_matrix`.
+    """Energy ½ v·K·v, and of families with bending laws; v as in `bending_matrix`.
 
-    ``matrix`` is the displacement block of K, ``whole`` is K, and ``turning`` are the
-    rotating clamps by boundary name.
+    ``matrix`` is the displacement block of K, ``whole`` is K, ``turning`` are the
+    rotating clamps by boundary name, and ``bent`` the families with laws.
     """
 
     whole: csr_matrix = field(kw_only=True)
     turning: Mapping[str, Turning] = field(kw_only=True)
+    bent: Sequence["BentFibres"] = field(kw_only=True, default=())
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
-        """½ v·K·v."""
+        """½ v·K·v, and the energies of the laws."""
         v = self._with_turns(u, t)
-        return 0.5 * float(v @ (self.whole @ v))
+        of_laws = sum(fibres.energy(v) for fibres in self.bent)
+        return 0.5 * float(v @ (self.whole @ v)) + of_laws
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """Rows of K·v that belong to the displacement."""
-        return (self.whole @ self._with_turns(u, t))[: len(u)]
+        """Derivative of the energy: rows that belong to the displacement."""
+        v = self._with_turns(u, t)
+        forces = self.whole @ v
+        for fibres in self.bent:
+            forces = forces + fibres.forces(v)
+        return forces[: len(u)]
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
+        """K, and the second derivatives of the energies of the laws."""
+        K, v = super().tangent(u, t, p), self._with_turns(u, t)
+        for fibres in self.bent:
+            K = K + fibres.stiffness(v)[: len(u), : len(u)]
+        return K
+
+    def couples(self) -> Sequence[ndarray] | None:
+        """See `Term`; at rest some stiffnesses of the laws may be zero."""
+        if not self.bent:
+            return None
+        n = self.matrix.shape[0]
+        d = self.bent[0].d
+        of_laws = [fibres.couples() for fibres in self.bent]
+        pairs = (np.array(self.matrix.nonzero()) // d, *of_laws)
+        return [x[:, (x < n // d).all(axis=0)] for x in pairs]
+
+    def ends(self, u: ndarray, t: float) -> Iterator[tuple[str, ndarray, Any, Any]]:
+        """Of each law: name of its curvature, curvatures at points, smallest, largest.
+
+        Curvatures have the shape (n_elements, n_points).
+        """
+        v = self._with_turns(u, t)
+        for fibres in self.bent:
+            yield f"{fibres.name}_curvature", fibres.curvatures(v), *fibres.ends
 
     def _with_turns(self, u: ndarray, t: float) -> ndarray:
         n = self.whole.shape[0] - len(u)
@@ -132,7 +253,7 @@ def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
 def bending_term(
     basis: CellBasis, fabric: Fabric, ends: Mapping[str, FibreEnd]
 ) -> BendingTerm:
-    """Term ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²).
+    """Term ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²), or of laws instead of D₁ and D₂.
 
     Directions are evaluated at the mean of the nodes of each element.  ``ends`` are the
     fibre ends by boundary name.
@@ -141,28 +262,54 @@ def bending_term(
 
     mesh = basis.mesh
     centres = mesh.p[:, mesh.t].mean(axis=1)[:, :, None]
-    warp, weft = (
+    warp, weft = both = tuple(
         np.broadcast_to(A, centres.shape)[..., 0] for A in fabric.directions(centres)
     )
-    *bending, twist = (
-        np.broadcast_to(D, mesh.nelements).astype(float)
-        for D in (*fabric.bending, fabric.twist)
-    )
-    K: Any = 0.0
-    for A, D in zip((warp, weft), bending, strict=True):
-        if D.any():
-            K = K + bending_matrix(basis, A, D, ends)
+
+    def by_element(D: Any) -> ndarray:
+        return np.broadcast_to(D, mesh.nelements).astype(float)
+
     turning = {name: end for name, end in ends.items() if callable(end)}
-    if twist.any():
-        of_twist = twist_matrix(basis, warp, weft, twist)
-        n = basis.N + 2 * len(turning) * components(basis)
+    n = basis.N + 2 * len(turning) * components(basis)
+    K: Any = 0.0
+    bent: list[BentFibres] = []
+    bending: tuple[Any, Any] = fabric.bending
+    for family, D in enumerate(bending):
+        if is_law(D):
+            bent.append(_bent_fibres(basis, fabric, both, family, ends))
+        elif np.any(D):
+            K = K + bending_matrix(basis, both[family], by_element(D), ends)
+    if np.any(fabric.twist):
+        of_twist = twist_matrix(basis, warp, weft, by_element(fabric.twist))
         of_twist.resize(n, n)
         K = K + of_twist
-    full = csr_matrix(K)
+    full = csr_matrix((n, n)) if np.isscalar(K) else csr_matrix(K)
     matrix = full[: basis.N, : basis.N]
-    term = BendingTerm("bending", matrix, whole=full, turning=turning)
+    term = BendingTerm("bending", matrix, whole=full, turning=turning, bent=bent)
     term.energy(basis.zeros(), 0.0)  # refuses invalid rotations
     return term
+
+
+def _bent_fibres(
+    basis: CellBasis,
+    fabric: Fabric,
+    directions: Sequence[ndarray],
+    family: int,
+    ends: Mapping[str, FibreEnd],
+) -> "BentFibres":
+    """Family with a bending law, whose sign is defined if it is not symmetric."""
+    from ..forms.bending_laws import BentFibres, frame_of, is_symmetric
+    from ..forms.curvature import curvature_of
+
+    law: Any = fabric.bending[family]
+    name = fabric.families[family].name
+    d, frame = components(basis), None
+    curvature = curvature_of(basis, directions[family], ends)
+    if not is_symmetric(law_at(law, None), LARGEST_CURVATURE):
+        needed = directions if d == 3 else [directions[family]]
+        x = np.pad(node_positions(basis), ((0, d - 2), (0, 0))).T.ravel()
+        frame = frame_of(basis, needed, curvature, x)
+    return BentFibres(name, law, curvature, frame, d)
 
 
 def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd]:
