@@ -267,8 +267,9 @@ class FabricOfFile(Table):
     file: Annotated[
         str | None,
         about(
-            "file that contains all laws: a .json of this package, the keyword FABRIC "
-            "of an .inp, or LAW58 or LAW158 of a .rad"
+            "name of a fabric of the catalogue, or file that contains all laws: a "
+            ".json of this package, the keyword FABRIC of an .inp, or LAW58 or LAW158 "
+            "of a .rad"
         ),
         FILE,
     ] = None
@@ -286,6 +287,17 @@ class FabricOfFile(Table):
     compression: Annotated[
         Literal["none"] | None,
         about("none: no force of the fibres in compression (default: as in the file)"),
+    ] = None
+    samples: Annotated[
+        Annotated[int, Meta(ge=2)] | None,
+        about(
+            "number of further specimens of the fabric, with laws drawn from the "
+            "scatter of those in the file: the run is repeated with each of them"
+        ),
+    ] = None
+    seed: Annotated[
+        Annotated[int, Meta(ge=0)] | None,
+        about("seed of the laws of the samples (default: 1)"),
     ] = None
     in_compression: "InCompression | None" = None
 

@@ -28,6 +28,7 @@ _OPTIONS = {
     "mesh-as-is": "mesh.as_is",
     "directions": "mesh.directions",
     "fabric": "fabric.file",
+    "samples": "fabric.samples",
     "tension-law": "tension.law",
     "fibre-stiffness": "tension.stiffness_N_per_mm",
     "shear-law": "shear.law",
