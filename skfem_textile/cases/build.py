@@ -260,6 +260,11 @@ def _refuse_contradictions(file: CaseFile) -> None:
                 f"{key} applies to the whole ply, but regions are given: omit one of "
                 "them"
             )
+    if file.fabric.samples is not None and file.stepping.tolerance is not None:
+        raise ValueError(
+            "fabric.samples requires one mesh, but stepping.tolerance makes others: "
+            "omit one of them"
+        )
     in_space = issubclass(file.scene.declaration, WithTools)
     for key in ("part_mesh", "deck", "trim", "pattern"):
         if getattr(file.output, key) and not in_space:

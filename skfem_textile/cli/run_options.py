@@ -77,6 +77,16 @@ _EVERY: Options = {
         nargs="?",
         const=True,
     ),
+    "--workers": option(
+        "number of processes for --samples (default: one for each processor)",
+        words.count,
+        "N",
+    ),
+    "--scheduler": option(
+        "address of a dask scheduler that distributes the samples, such as "
+        "tcp://machine:8786",
+        metavar="ADDRESS",
+    ),
     "--json": option(
         "print summary.json instead of the first quantities", action="store_true"
     ),

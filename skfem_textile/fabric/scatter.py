@@ -24,8 +24,9 @@ from .origin import Origin, SpecimenLaw, with_laws
 FEWEST = 3
 
 # Spacing and smallest end of the table of a polynomial, in radians.  Chosen: the table
-# follows a polynomial of degree 5 to 1e-4, and contains the angles of usual parts.
-_SPACING, _END = float(np.radians(1.0)), float(np.radians(60.0))
+# follows a polynomial of degree 5 to 1e-3, and contains the angles of intermediate
+# states of usual parts.
+_SPACING, _END = float(np.radians(1.0)), float(np.radians(80.0))
 
 # Largest number of draws of one sample; a draw is repeated if its law is not valid.
 _MOST_DRAWS = 100
