@@ -15,7 +15,7 @@ from ..mesh.progress import shown, unlogged
 from ..solve.interval import ErrorInterval
 from ..solve.quantities import Quantity
 from ..solve.result import Result, StepError
-from ..sweep import sweep
+from ..sweep import ThisThread, sweep
 from .scene import Case
 
 #: Probability with which a band contains a further specimen.  Chosen: the largest that
@@ -97,7 +97,7 @@ def _rank(n: int) -> int:
 def run_samples(
     case: Case,
     fabrics: Sequence[Fabric],
-    executor: Executor,
+    executor: Executor | None = None,
     out: str | os.PathLike[str] | None = None,
     key: str = "",
 ) -> Samples:
@@ -108,9 +108,9 @@ def run_samples(
     case
         The case; its fabric is replaced.
     fabrics
-        Fabrics with its fibre directions, such as those of `FabricOfFile.samples`.
+        Fabrics with its fibre directions, for example from `FabricOfFile.samples`.
     executor
-        See `sweep`, with its errors.
+        See `sweep`, with its errors; by default `ThisThread`.
     out
         File to which every result is appended at once; completed samples in it are not
         repeated.
@@ -124,7 +124,6 @@ def run_samples(
 
     Examples
     --------
-    >>> from concurrent.futures import ThreadPoolExecutor
     >>> from dataclasses import replace
     >>> from skfem_textile.cases import case_from_tables
     >>> from skfem_textile.io import read_fabric
@@ -134,15 +133,15 @@ def run_samples(
     ... )
     >>> warp, weft = case.fabric.warp, case.fabric.weft
     >>> drawn = [replace(x, warp=warp, weft=weft) for x in read_fabric(name).samples(3)]
-    >>> with ThreadPoolExecutor(1) as executor:
-    ...     samples = run_samples(case, drawn, executor)
+    >>> samples = run_samples(case, drawn)
     >>> low, high = samples.bands["load_N"]
     >>> low < high, samples.probability
     (True, 0.5)
     """
     numbered = list(enumerate(fabrics))
     call, name = partial(_figures, case), partial(_name, key)
-    swept = sweep(call, numbered, executor, out=out, key=name, retries=0)
+    called = ThisThread() if executor is None else executor
+    swept = sweep(call, numbered, called, out=out, key=name, retries=0)
     found: dict[int, Any] = {}
     with shown(lambda: f"sample {len(found) + 1} of {len(numbered)}"):
         for (i, _), figures in swept:
