@@ -46,6 +46,11 @@ class Origin:
     specimens
         Laws of single specimens by part of the fabric: ``shear``, ``warp``, ``weft``,
         ``both``, ``bending warp`` or ``bending weft``.
+
+    Raises
+    ------
+    ValueError
+        If specimens are not a mapping of tuples.
     """
 
     title: str = ""
@@ -56,6 +61,14 @@ class Origin:
     notes: tuple[str, ...] = ()
     ranges: Mapping[str, float] = field(default_factory=dict)
     specimens: Mapping[str, tuple[SpecimenLaw, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        known = isinstance(self.specimens, Mapping) and all(
+            isinstance(laws, tuple) and all(isinstance(x, SpecimenLaw) for x in laws)
+            for laws in self.specimens.values()
+        )
+        if not known:
+            raise ValueError("the specimens of an origin must be laws by part")
 
 
 def tension_of(laws: Mapping[str, Any], base: Fabric) -> Any:

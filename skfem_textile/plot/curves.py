@@ -94,11 +94,11 @@ def curves(
             for n in sorted(lengths & set(_BANDS))
         ]
         names = [str(one.get_label()) for one in handles]
-        legend_below(figure, handles, _columns(names, width * 25.4))
+        legend_below(figure, handles, columns_of(names, width * 25.4))
     return figure
 
 
-def _columns(labels: Sequence[str], width: float) -> int:
+def columns_of(labels: Sequence[str], width: float) -> int:
     """Number of columns of a legend that fit a width in mm."""
     size = TITLE * POINT
     for n in range(_MOST_COLUMNS, 1, -1):

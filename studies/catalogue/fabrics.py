@@ -224,7 +224,7 @@ class Nylon(Entry):
             },
             notes=(
                 "One test in each direction: the scatter between specimens is unknown.",
-                "The fabric is coated: its film provides most of the shear stiffness.",
+                "The fabric is coated: its laws do not apply to a dry fabric.",
                 "Compression was not measured: the laws are linear there too.",
             ),
         )
