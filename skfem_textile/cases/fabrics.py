@@ -9,7 +9,6 @@ import numpy as np
 
 from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..mesh.user_input import printable
-from ..scenes.scene import Case
 from .schema import FabricOfFile, ShearLaw, TensionLaw
 from .write import tables_of
 
@@ -50,8 +49,8 @@ def _compressed(found: Fabric, table: FabricOfFile) -> Fabric:
     return replace(found, tension=tuple(map(table.compressed, laws)))
 
 
-def sampled_fabrics(table: FabricOfFile, case: Case) -> list[Fabric]:
-    """Fabrics of the samples of a case, with its fibre directions; empty without.
+def sampled_fabrics(table: FabricOfFile) -> list[Fabric]:
+    """Fabrics of the samples of a case; empty without.
 
     Raises
     ------
@@ -64,9 +63,7 @@ def sampled_fabrics(table: FabricOfFile, case: Case) -> list[Fabric]:
         found = _read(table).samples(
             table.samples, 1 if table.seed is None else table.seed
         )
-    fabrics = (_compressed(one, table) for one in found)
-    of_case = case.fabric
-    return [replace(one, warp=of_case.warp, weft=of_case.weft) for one in fabrics]
+    return [_compressed(one, table) for one in found]
 
 
 def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[str, Any]:

@@ -65,7 +65,7 @@ class Sampling:
         if options.scheduler is not None:
             require("a dask scheduler", "sweep", "distributed")
         workers = options.workers or _processors()
-        fabrics = sampled_fabrics(file.fabric, case)
+        fabrics = sampled_fabrics(file.fabric)
         return cls(case, fabrics, written.checksum(), workers, options.scheduler)
 
     def run(self, folder: Path) -> Samples:

@@ -15,7 +15,7 @@ from .interruption import held
 from .output import complain, say
 from .result_folder import ResultFolder
 
-# Suffixes of fabrics; those of the catalogue have none.
+# Suffixes of fabrics; names in the catalogue have none.
 _OF_FABRICS = "", ".json"
 
 _PICTURE = "mesh_and_fibres.png"

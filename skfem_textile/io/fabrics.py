@@ -17,6 +17,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import Fabric, Law, Linear, Tabulated, TensionOnly, TwoLaws
+from ..fabric.catalogue import catalogue as catalogue
 from ..fabric.catalogue import file_of
 from ..fabric.files import fabric_of_text, fabric_text
 from ..fabric.law import domain_of

@@ -101,14 +101,15 @@ def run_samples(
     out: str | os.PathLike[str] | None = None,
     key: str = "",
 ) -> Samples:
-    """Run a case with each of several fabrics, on any executor.
+    """Run a case with the laws of each of several fabrics, on any executor.
 
     Parameters
     ----------
     case
-        The case; its fabric is replaced.
+        The case.
     fabrics
-        Fabrics with its fibre directions, for example from `FabricOfFile.samples`.
+        Fabrics whose laws replace the laws of the case, which keeps its fibre
+        directions; see `FabricOfFile.samples`.
     executor
         See `sweep`, with its errors; by default `ThisThread`.
     out
@@ -124,16 +125,13 @@ def run_samples(
 
     Examples
     --------
-    >>> from dataclasses import replace
     >>> from skfem_textile.cases import case_from_tables
     >>> from skfem_textile.io import read_fabric
     >>> name, scene = "cao2008-plain-weave", {"name": "picture_frame"}
     >>> case = case_from_tables(
     ...     {"scene": scene, "fabric": {"file": name}, "mesh": {"size": (2, 2)}}
     ... )
-    >>> warp, weft = case.fabric.warp, case.fabric.weft
-    >>> drawn = [replace(x, warp=warp, weft=weft) for x in read_fabric(name).samples(3)]
-    >>> samples = run_samples(case, drawn)
+    >>> samples = run_samples(case, read_fabric(name).samples(3))
     >>> low, high = samples.bands["load_N"]
     >>> low < high, samples.probability
     (True, 0.5)
@@ -168,7 +166,9 @@ def _name(key: str, case: tuple[int, Fabric]) -> str:
 
 def _figures(case: Case, sample: tuple[int, Fabric]) -> dict[str, Any]:
     """Figures and curve of a sample, or the message with which it stopped."""
-    case = replace(case, fabric=sample[1])
+    fibres = case.fabric
+    fabric = replace(sample[1], warp=fibres.warp, weft=fibres.weft)
+    case = replace(case, fabric=fabric)
     with unlogged():
         try:
             result = case.run()
