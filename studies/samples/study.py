@@ -18,8 +18,9 @@ from skfem_textile.fabric.scatter import sampled, sampled_laws
 from skfem_textile.scenes import Case, bias_extension, run_samples
 from skfem_textile.scenes.samples import CONFIDENCE, band_of
 
-from ..common.tables import grouped, markdown_table, percent
+from ..common.tables import grouped, having, markdown_table, percent
 from ..study import Part, Row, Study
+from .part import PartRun, draw, figures
 
 # Number of samples of a trial, and of repeated tests.
 _SAMPLES, _TESTS = 20, 10
@@ -188,30 +189,36 @@ def _share(rows: Sequence[Row]) -> tuple[float, float]:
     return float(each.mean()), float(each.std(ddof=1) / np.sqrt(each.size))
 
 
-class Coverage(Study[Trials]):
+class Coverage(Study[Trials | PartRun]):
     """Coverage of bands of samples."""
 
-    parts = (Part("coverage.csv", {"coverage.md": coverage}),)
+    parts = (
+        Part("coverage.csv", {"coverage.md": coverage}, cases=("*specimens*",)),
+        Part("part.csv", {"part.md": figures}, {"samples.png": draw}, ("part",)),
+    )
+    sample = "part"
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         text = "seed of the trials"
         parser.add_argument("--seed", type=int, default=_SEED, help=text)
 
-    def cases(self, options: argparse.Namespace) -> Sequence[Trials]:
+    def cases(self, options: argparse.Namespace) -> Sequence[Trials | PartRun]:
         seed = getattr(options, "seed", _SEED)
         closed = [Trials(p, m, seed) for p in POPULATIONS for m in _SPECIMENS]
-        return [*closed, Trials("log-normal", 5, seed, simulated=True)]
+        return [*closed, Trials("log-normal", 5, seed, simulated=True), PartRun()]
 
     def line(self, rows: list[Row]) -> str:
+        if "inside" not in rows[0]:
+            return f"{rows[0]['case']}: {len(having(rows, of='figure'))} figures"
         share, error = _share(rows)
         return f"{rows[0]['case']}: {percent(share, '.1f')} ± {percent(error, '.1f')}"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        assumed = [row for row in rows if row["population"] == "log-normal"]
+        assumed = having(rows, population="log-normal")
         return {"inside": percent(_share(assumed)[0], ".1f")}
 
     def complaint(self, rows: list[Row]) -> str:
-        assumed = [row for row in rows if row["population"] == "log-normal"]
+        assumed = having(rows, population="log-normal")
         share = _share(assumed)[0] if assumed else 1.0
         if share >= CONFIDENCE:
             return ""

@@ -59,10 +59,12 @@ def test_specimens_that_differ_by_a_factor_have_samples_of_the_same_shape():
         assert np.ptp(ratio) < 1e-3 * ratio.mean()
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_samples_of_few_specimens_never_decrease(seed):
+def test_samples_of_few_specimens_never_decrease():
+    """Between specimens with and without a plateau, products of powers decrease."""
+    coefficients = (0.035, -0.108, 0.19), (0.03, 0.0, 0.02), (0.02, -0.03, 0.05)
+    laws = [Polynomial((a, 0.0, b, 0.0, c)) for a, b, c in coefficients]
     x = np.linspace(0.0, 1.5, 300)
-    for one in sampled_laws(origin(shear=quintics(seed, 3)), 40):
+    for one in sampled_laws(origin(shear=laws), 40):
         assert one["shear"].tangent(x).min() > 0
 
 
