@@ -18,6 +18,9 @@ from ..study import Row
 #: Fabric and number of samples.
 FABRIC, NUMBER = "cao2008-plain-weave", 20
 
+# Columns of the curve.
+_COLUMNS = "displacement_mm", "force_N", "half_width_N", "low_N", "high_N"
+
 
 @dataclass(frozen=True)
 class PartRun:
@@ -28,15 +31,20 @@ class PartRun:
 
     def rows(self) -> list[Row]:
         """Figures with their bands, and the curve with both bands."""
-        tables = {"scene": {"name": "bias_extension"}, "fabric": {"file": FABRIC}}
+        tables = {
+            "scene": {"name": "bias_extension"},
+            "fabric": {"file": FABRIC},
+            "stepping": {"steps": 8},
+        }
         case = case_from_tables(tables)
         result = case.run()
         samples = run_samples(case, read_fabric(FABRIC).samples(NUMBER))
         summary = with_bands(case.summary(result), samples)
-        names = "quantity", "run", "mesh", "low", "high"
-        figures = [
-            {"of": "figure", **dict(zip(names, cells, strict=True))}
-            for cells in band_rows(summary)
+        names = "run", "mesh", "low", "high"
+        figures: list[Row] = [
+            {"of": "figure", "quantity": name}
+            | {key: float(x) for key, x in zip(names, cells, strict=True) if x}
+            for name, *cells in band_rows(summary)
         ]
         curve = curve_of(case.scene, result)
         factors = np.array([state.load_factor for state in result.states])
@@ -44,9 +52,8 @@ class PartRun:
             *(curve[DISPLACEMENT], curve[FORCE], curve[HALF_WIDTH]),
             *samples.force_band(factors),
         )
-        names = "displacement_mm", "force_N", "half_width_N", "low_N", "high_N"
         points: list[Row] = [
-            {"of": "point", **dict(zip(names, map(float, point), strict=True))}
+            {"of": "point", **dict(zip(_COLUMNS, map(float, point), strict=True))}
             for point in zip(*columns, strict=True)
         ]
         return [*figures, *points]
@@ -55,9 +62,16 @@ class PartRun:
 def figures(rows: list[Row]) -> str:
     """Figures of the part: run, half-width of the mesh, and band of the fabric."""
     head = ["quantity", "run", "half-width of the mesh", "lowest", "highest"]
-    keys = "quantity", "run", "mesh", "low", "high"
-    lines = [[row[key] for key in keys] for row in having(rows, of="figure")]
+    keys = "run", "mesh", "low", "high"
+    lines = [
+        [row["quantity"], *(_cell(row.get(key)) for key in keys)]
+        for row in having(rows, of="figure")
+    ]
     return markdown_table(head, lines)
+
+
+def _cell(x: float | None) -> str:
+    return "" if x is None else f"{x:.4g}"
 
 
 def draw(rows: list[Row], file: File) -> None:
@@ -65,9 +79,8 @@ def draw(rows: list[Row], file: File) -> None:
     from skfem_textile.plot import curves
 
     points = having(rows, of="point")
-    names = "displacement_mm", "force_N", "half_width_N", "low_N", "high_N"
     x, y, half, low, high = (
-        np.array([row[name] for row in points], dtype=float) for name in names
+        np.array([row[name] for row in points], dtype=float) for name in _COLUMNS
     )
     panels: dict[str, dict[str, tuple[np.ndarray, ...]]]
     panels = {"Mesh": {"run": (x, y, half)}, "Fabric": {"run": (x, y, low, high)}}
