@@ -78,6 +78,24 @@ def test_a_second_run_continues_the_samples_of_the_same_case(tmp_path, monkeypat
         assert len(called) == number
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["workers", "scheduler"])
+def test_processes_and_dask_compute_the_same_bands(where, tmp_path, monkeypatch):
+    one, other = tmp_path / "one", tmp_path / "other"
+    assert cli.main([*RUN, "--samples", "3", "--out", str(one)]) == 0
+    monkeypatch.undo()
+    line = [*RUN, "--samples", "3", "--out", str(other)]
+    if where == "workers":
+        assert cli.main([*line, "--workers", "2"]) == 0
+    else:
+        distributed = pytest.importorskip("dask.distributed")
+        options = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": ":0"}
+        with distributed.LocalCluster(processes=True, **options) as cluster:
+            assert cli.main([*line, "--scheduler", cluster.scheduler_address]) == 0
+    bands = [summary_in(out)["load_N_band"] for out in (one, other)]
+    assert bands[0] == pytest.approx(bands[1], rel=1e-9)
+
+
 def test_samples_of_an_earlier_run_are_removed(tmp_path):
     out = tmp_path / "out"
     assert cli.main([*RUN, "--samples", "2", "--out", str(out)]) == 0
