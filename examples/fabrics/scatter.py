@@ -1,6 +1,6 @@
 """
-Scatter of a fabric in a part
-=============================
+Band of nine specimens
+======================
 
 A fabric of the catalogue has the laws of nine specimens. The load of a bias extension
 is computed with the law fitted to all of them, and with twenty further specimens drawn
