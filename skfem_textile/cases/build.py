@@ -518,11 +518,13 @@ def _fabric(
         weft = None if tension.weft is None else tension.weft.build()
     with errors_in("shear "):
         of_shear = shear.law.build("shear")
+    with errors_in("bending "):
+        of_bending = bending.build()
     return Fabric(
         warp if weft is None else (warp, weft),
         of_shear,
         *fibres,
-        (bending.warp_N_mm, bending.weft_N_mm),
+        of_bending,
         bending.twist_N_mm,
         np.radians(shear.wrinkling_angle_deg),
     )

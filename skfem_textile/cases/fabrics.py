@@ -7,9 +7,16 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from ..fabric import BiaxialLaw, Fabric, TwoLaws
+from ..fabric import (
+    Asymmetric,
+    BiaxialLaw,
+    Fabric,
+    Pretensioned,
+    TensionOnly,
+    TwoLaws,
+)
 from ..mesh.user_input import printable
-from .schema import FabricOfFile, ShearLaw, TensionLaw
+from .schema import FabricOfFile, ShearLaw, TensionLaw, with_compression
 from .write import tables_of
 
 if TYPE_CHECKING:
@@ -38,7 +45,7 @@ def _read(table: FabricOfFile) -> "FabricWithOrigin":
 
 
 def _compressed(found: Fabric, table: FabricOfFile) -> Fabric:
-    if not table.changes_compression:
+    if table.compression is None and table.in_compression is None:
         return found
     if isinstance(found.tension, BiaxialLaw) and not isinstance(found.tension, TwoLaws):
         raise ValueError(
@@ -46,7 +53,20 @@ def _compressed(found: Fabric, table: FabricOfFile) -> Fabric:
             "compression: omit fabric.compression and fabric.in_compression"
         )
     laws = (family.tension for family in found.families)
-    return replace(found, tension=tuple(map(table.compressed, laws)))
+    return replace(found, tension=tuple(_law_compressed(law, table) for law in laws))
+
+
+def _law_compressed(law: Any, table: FabricOfFile) -> Any:
+    """The law of a family of the file, with the behaviour in compression."""
+    if isinstance(law, Pretensioned):
+        return replace(law, law=_law_compressed(law.law, table))
+    if isinstance(law, Asymmetric | TensionOnly):
+        raise ValueError(
+            f"fabric.file already contains a law in compression, of "
+            f"{type(law).__name__}: omit fabric.compression and "
+            "fabric.in_compression, or remove it from the file"
+        )
+    return with_compression(law, table.compression or "law", table.in_compression)
 
 
 def sampled_fabrics(table: FabricOfFile) -> list[Fabric]:
@@ -88,11 +108,11 @@ def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[st
     if "shear" in tables:
         found["shear"] = _table(fabric.shear_law)
     if "bending" in tables:
-        stiffnesses = *fabric.bending, fabric.twist
+        stiffnesses: list[Any] = [*fabric.bending, fabric.twist]
         keys = "warp_N_mm", "weft_N_mm", "twist_N_mm"
         found["bending"] = {}
-        if not any(np.ndim(one) for one in stiffnesses):
-            found["bending"] = dict(zip(keys, map(float, stiffnesses), strict=True))
+        if all(isinstance(one, float) for one in stiffnesses):
+            found["bending"] = dict(zip(keys, stiffnesses, strict=True))
     complete = all(one and one.get("weft", True) for one in found.values())
     return found if complete else {"fabric": {"file": file}}
 

@@ -8,7 +8,7 @@ imports the modules for it only then.
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import partial
 from importlib import import_module
 from math import degrees, radians
@@ -301,40 +301,15 @@ class FabricOfFile(Table):
     ] = None
     in_compression: "InCompression | None" = None
 
-    @property
-    def changes_compression(self) -> bool:
-        """True if the fibres have another law in compression than in the file."""
-        return self.compression is not None or self.in_compression is not None
-
-    def compressed(self, law: Any) -> Any:
-        """The law of a family of the file, with the behaviour in compression.
-
-        Raises
-        ------
-        ValueError
-            If the law of the file contains one.
-        """
-        from ..fabric.laws.tension import Asymmetric, Pretensioned, TensionOnly
-
-        if isinstance(law, Pretensioned):
-            return replace(law, law=self.compressed(law.law))
-        if isinstance(law, Asymmetric | TensionOnly):
-            raise ValueError(
-                f"fabric.file already contains a law in compression, of "
-                f"{type(law).__name__}: omit fabric.compression and "
-                "fabric.in_compression, or remove it from the file"
-            )
-        return _with_compression(law, self.compression or "law", self.in_compression)
-
 
 # -------------------------------------------------------------------------------- laws
 
 
 class Law(DeclaredTable, tag_field="law"):
-    """Constitutive law of tension T(ε) or shear M_s(γ)."""
+    """Constitutive law of tension T(ε), shear M_s(γ) or bending M(κ)."""
 
     def build(self, of: "Resistance") -> Any:
-        """Build the law; ``of`` is tension or shear."""
+        """Build the law; ``of`` is tension, shear or bending."""
         return self.construct()
 
 
@@ -370,7 +345,7 @@ class LawOfFile(Law, tag="FILE.json"):
 
         law = read_law(self.file)
         biaxial = isinstance(law, BiaxialLaw)
-        if getattr(law, "of", None) not in (None, of) or (of == "shear" and biaxial):
+        if getattr(law, "of", None) not in (None, of) or (of != "tension" and biaxial):
             raise ValueError(
                 f"{self.file} contains a {type(law).__name__}, which is not a law of "
                 f"{of}"
@@ -406,6 +381,7 @@ class CrimpInterchange(Law, tag="crimp-interchange"):
 if TYPE_CHECKING:
     TensionLaw: TypeAlias = Law
     ShearLaw: TypeAlias = Law
+    BendingLaw: TypeAlias = Law
 else:
     _Linear = table_of(declared.Linear, Law)
     TensionLaw = (
@@ -423,6 +399,7 @@ else:
         | table_of(declared.Polynomial, Law)
         | LawOfFile
     )
+    BendingLaw = table_of(declared.Bilinear, Law) | Measured | LawOfFile
 
 
 class InCompression(Table):
@@ -431,7 +408,7 @@ class InCompression(Table):
     law: TensionLaw
 
 
-def _with_compression(law: Any, compression: str, other: InCompression | None) -> Any:
+def with_compression(law: Any, compression: str, other: InCompression | None) -> Any:
     """A law with no force, or another law, in compression."""
     from ..fabric.laws.tension import Asymmetric, TensionOnly
 
@@ -469,7 +446,7 @@ class Weft(Table):
         from ..fabric.laws.tension import Pretensioned
 
         law = self.law.build("tension")
-        law = _with_compression(law, self.compression, self.in_compression)
+        law = with_compression(law, self.compression, self.in_compression)
         if self.pretension_N_per_mm:
             return Pretensioned(law, self.pretension_N_per_mm)
         return law
@@ -495,12 +472,30 @@ class Shear(Table):
     ] = 90.0
 
 
+class BendingOfFamily(Table):
+    """Bending law of a family, in the place of its stiffness."""
+
+    law: BendingLaw
+
+
 class Bending(Table):
     """Bending and twist stiffnesses per width of ply."""
 
     warp_N_mm: Annotated[float, about("bending stiffness of the warp")] = 0.0
     weft_N_mm: Annotated[float, about("bending stiffness of the weft")] = 0.0
     twist_N_mm: Annotated[float, about("twist stiffness")] = 0.0
+    warp_law: BendingOfFamily | None = None
+    weft_law: BendingOfFamily | None = None
+
+    def build(self) -> tuple[Any, Any]:
+        """Stiffness or law of warp and weft; an error if a family has both."""
+        return self._of("warp"), self._of("weft")
+
+    def _of(self, family: str) -> Any:
+        D, table = getattr(self, f"{family}_N_mm"), getattr(self, f"{family}_law")
+        if table and D:
+            raise ValueError(f"{family}_N_mm: {family}_law is a law: omit one of them")
+        return table.law.build("bending") if table else D
 
 
 class Region(Table):

@@ -81,10 +81,7 @@ def tension_of(laws: Mapping[str, Any], base: Fabric) -> Any:
 def with_laws(base: Fabric, laws: Mapping[str, Any]) -> Fabric:
     """A fabric whose laws are replaced by laws by part, see `Origin.specimens`."""
     warp, weft = base.bending
-    bending = (
-        laws["bending warp"].stiffness if "bending warp" in laws else warp,
-        laws["bending weft"].stiffness if "bending weft" in laws else weft,
-    )
+    bending = laws.get("bending warp", warp), laws.get("bending weft", weft)
     return replace(
         base,
         tension=tension_of(laws, base),
