@@ -213,10 +213,6 @@ class Coverage(Study[Trials | PartRun]):
         share, error = _share(rows)
         return f"{rows[0]['case']}: {percent(share, '.1f')} ± {percent(error, '.1f')}"
 
-    def figures(self, rows: list[Row]) -> dict[str, str]:
-        assumed = having(rows, population="log-normal")
-        return {"inside": percent(_share(assumed)[0], ".1f")}
-
     def complaint(self, rows: list[Row]) -> str:
         assumed = having(rows, population="log-normal")
         share = _share(assumed)[0] if assumed else 1.0
