@@ -16,7 +16,7 @@ from ..calibration.choice import Choice, Test
 from ..calibration.fitting import FabricFit
 from ..calibration.report import title_of
 from ..calibration.validation import Validation
-from ..cases.build import fabric_tables
+from ..cases.fabrics import fabric_tables
 from ..fabric import Fabric, TwoLaws
 from ..mesh.user_input import printable
 from .page import Row, rows, say_rows, sources, write_page
