@@ -15,6 +15,7 @@ from .fabric import (
     Sin2 as Sin2,
     Tabulated as Tabulated,
     TensionOnly as TensionOnly,
+    Yarns as Yarns,
 )
 from .fabric.files import read_law as read_law, write_law as write_law
 from .contact import Holder as Holder, Tool as Tool
@@ -61,6 +62,7 @@ from .ply.parameters import (
     TermParameters as TermParameters,
     Values as Values,
 )
+from .ply.slip import slip_index as slip_index
 from .ply.terms import (
     FormTerm as FormTerm,
     Load as Load,

@@ -522,6 +522,7 @@ def _fabric(
         (bending.warp_N_mm, bending.weft_N_mm),
         bending.twist_N_mm,
         np.radians(shear.wrinkling_angle_deg),
+        None if shear.yarns is None else shear.yarns.construct(),
     )
 
 

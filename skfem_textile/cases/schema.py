@@ -107,7 +107,7 @@ class DeclaredTable(Table):
 def table_of(
     declaration: type[Any],
     base: type[DeclaredTable] = DeclaredTable,
-    tag: str | None = None,
+    tag: str | Literal[False] | None = None,
     also: Mapping[str, Any] = MappingProxyType({}),
     last: Sequence[str] = (),
 ) -> Any:
@@ -121,7 +121,7 @@ def table_of(
         Base class, with further keys, which come first.
     tag
         Name that selects the table, and of the function; by default, for a class, its
-        name in lower case with hyphens.
+        name in lower case with hyphens.  False for a table that is not selected.
     also
         Types of further keys of the table, which are None by default.
     last
@@ -146,7 +146,7 @@ def table_of(
             "keys": keys,
         },
         module=base.__module__,
-        tag=tag or snake_case(declaration).replace("_", "-"),
+        tag=snake_case(declaration).replace("_", "-") if tag is None else tag,
         kw_only=True,
     )
 
@@ -394,7 +394,9 @@ class CrimpInterchange(Law, tag="crimp-interchange"):
 if TYPE_CHECKING:
     TensionLaw: TypeAlias = Law
     ShearLaw: TypeAlias = Law
+    _Yarns: TypeAlias = DeclaredTable
 else:
+    _Yarns = table_of(declared.Yarns, tag=False)
     _Linear = table_of(declared.Linear, Law)
     TensionLaw = (
         _Linear
@@ -481,6 +483,7 @@ class Shear(Table):
             "of a ply on a tool"
         ),
     ] = 90.0
+    yarns: _Yarns | None = None
 
 
 class Bending(Table):

@@ -188,6 +188,19 @@ class Polynomial:
     )
 
 
+@declaration("fabric.yarns")
+class Yarns:
+    """yarns, for the slip index"""
+
+    spacing: tuple[float, float] = mm("distance between yarns of warp and weft")
+    width: tuple[float, float] = mm("width of the yarns of warp and weft")
+    friction_moment: float | None = key(
+        "friction part of the shear moment (default: of the shear law)",
+        default=None,
+        unit="N_per_mm",
+    )
+
+
 _C_S = (
     "stabilisation stiffness C_s, or auto: computed from shear stiffness, tension and "
     "fibre angle of each element; 1e-4 E without shear stiffness"

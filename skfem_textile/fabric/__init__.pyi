@@ -36,3 +36,7 @@ from .laws.tension import (
     Pretensioned as Pretensioned,
     TensionOnly as TensionOnly,
 )
+from .yarns import (
+    Yarns as Yarns,
+    friction_part as friction_part,
+)

@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +124,8 @@ def fabric_text(fabric: Fabric) -> str:
         value = _encoded(name, getattr(fabric, name))
         if value != _encoded(name, getattr(Fabric, name)):
             encoded[name] = value
+    if fabric.yarns is not None:
+        encoded["yarns"] = asdict(fabric.yarns)
     return _text({"format": _FORMAT} | encoded)
 
 
@@ -138,10 +140,11 @@ def fabric_of_text(content: bytes) -> Fabric:
     parts = _content(content)
     if not isinstance(parts, Mapping) or parts.get("format") != _FORMAT:
         raise ValueError(f"the key 'format' must be {_FORMAT!r}")
-    if set(parts) - {"format", *_OTHERS} != set(_PARTS):
+    optional = *_OTHERS, "yarns"
+    if set(parts) - {"format", *optional} != set(_PARTS):
         raise ValueError(
             f"the keys must be {', '.join(_PARTS)} and, optionally, "
-            f"{', '.join(_OTHERS)}"
+            f"{', '.join(optional)}"
         )
     return _described("fabric", lambda: _fabric(parts))
 
@@ -159,6 +162,10 @@ def _fabric(content: Mapping[str, Any]) -> Fabric:
     for name in ("warp", "weft"):
         if isinstance(decoded[name], tuple):
             decoded[name] = np.array(decoded[name], dtype=float)
+    if "yarns" in decoded:
+        from .yarns import Yarns
+
+        decoded["yarns"] = Yarns(**decoded["yarns"])
     return Fabric(**decoded)
 
 
