@@ -35,8 +35,8 @@ def slip_index(
     crossing from its centre (`Yarns.lever`).  The index is r̄ |∂T/∂s|/M_f, the larger
     one of both families: above 1 the crossings of an element slip.  ∂T/∂s is averaged
     over a yarn spacing, by the filter q − ∇·(ℓ² ∇q) = ∂T/∂s with ℓ = half the spacing:
-    next to a line on which the tension is handed over its largest value is that of a
-    mean over one spacing.
+    beside a line on which the tension changes, its largest value is the mean over one
+    spacing.
 
     Elements larger than the spacing average over more, and the index is too small.
     Forces on the outline are left out, because clamps may hold the yarns there.  A
