@@ -31,16 +31,19 @@ _OF_LAW = {FRAMES: 1, BIAS: 0}
 def _band(axes: Any, rows: list[Row], colour: str, x: str) -> None:
     """Prediction with the band of the mean, and the band of a specimen."""
     at, force = array(rows, x), array(rows, "predicted")
-    for half, alpha in (("specimen_half", 0.15), ("mean_half", 0.3)):
+    for half in ("specimen_half", "mean_half"):
         width = array(rows, half) + array(rows, "mesh_half")
-        low = np.maximum(force - width, 1e-3)
-        axes.fill_between(at, low, force + width, color=colour, alpha=alpha, lw=0)
+        ends = np.maximum(force - width, 1e-6), force + width  # for logarithmic axes
+        if half == "mean_half":
+            axes.fill_between(at, *ends, color=colour, alpha=0.25, lw=0)
+        else:
+            axes.plot(at, np.transpose(ends), ":", color=colour, lw=0.9)
     axes.plot(at, force, color=colour, lw=1.2)
 
 
 def _styles() -> dict[str, dict[str, Any]]:
     return {
-        "measured, with published error bars": {
+        "measured, published error bars": {
             "color": _BLACK,
             "marker": ".",
             "lw": 0,
@@ -49,7 +52,7 @@ def _styles() -> dict[str, dict[str, Any]]:
             f"law of {name}": {"color": colour_of(_OF_LAW[test])}
             for test, name in (
                 (FRAMES, "picture frames"),
-                (BIAS, "the other bias extensions"),
+                (BIAS, "other bias extensions"),
             )
         },
     }
@@ -83,7 +86,7 @@ def bias_extensions(fabric: str, rows: list[Row], file: Path) -> None:
                     elinewidth=0.7,
                 )
             axes.set_yscale("log")
-            axes.set_ylim(0.2, 150)
+            axes.set_ylim(0.3, 150)
             axes.set_title(name.replace("x", " × ", 1), fontsize=_TEXT)
         for axes in grid.flat[: len(names)][-columns:]:
             axes.set_xlabel("displacement (mm)")
@@ -111,7 +114,7 @@ def frames(rows: list[Row], file: Path) -> None:
                 axes.plot(curve.x[known], curve.y[known], **style)
                 styles[curve.name] = style
             axes.set_yscale("log")
-            axes.set_ylim(5e-4, 1.0)
+            axes.set_ylim(1e-3, 1.0)
         predicted = {"color": colour_of(0), "lw": 1.6}
         legend(figure, {"law of bias extensions": predicted, **styles}, 4)
 
@@ -134,7 +137,7 @@ def angle(rows: list[Row], file: Path) -> None:
     """Shear angle against displacement, and the slip index."""
     finest = next(iter(grouped(rows, "density").values()))
     moved, by_test = measured()
-    found, size = departures(finest), (_WIDE, 3.1)
+    found, size = departures(finest), (_WIDE, 3.3)
     at, slack = array(finest, "displacement"), specimen(None).slack
     with panels_of(size, file, _TEXT, ("", "")) as (figure, grid):
         left, right = grid[0]
@@ -173,7 +176,7 @@ def angle(rows: list[Row], file: Path) -> None:
             "measured 2° below the net": {"color": _BLACK, "ls": "--", "lw": 0.9},
             "measured 2° below the model": {"color": _BLACK, "ls": "-.", "lw": 0.9},
         }
-        legend(figure, styles, 4)
+        legend(figure, styles, 3)
 
 
 def nylon(rows: list[Row], file: Path) -> None:

@@ -9,20 +9,27 @@ import numpy as np
 from ..common.tables import grouped, having, percent, span
 from ..study import Part, Row, Study
 from . import pictures, tables
-from .angle import angle_cases, departures, onset
+from .angle import FABRIC, NAME, TEST, angle_cases, departures, measured, onset
 from .normalised import normalised_cases
 from .nylon import nylon_cases
 from .published import BIAS, FABRICS, FRAMES
-from .shear import LawCase, shear_cases
+from .shear import LawCase, fitted, shear_cases
 from .tables import array, inside, ratios
 from .temperature import Temperature
+
+# Measured shear angle in degrees at which the change of a moment is stated.
+_STATED = 30.0
 
 
 class Measured(Study[Any]):
     """Predictions of published measurements."""
 
     parts = (
-        Part("laws.csv", {"laws.md": tables.laws}, cases=("law: *",)),
+        Part(
+            "laws.csv",
+            {"laws.md": tables.laws, "misaligned.md": tables.misaligned},
+            cases=("law: *",),
+        ),
         Part(
             "predictions.csv",
             {
@@ -95,10 +102,12 @@ def _of_set(key: str, rows: list[Row]) -> dict[str, str]:
     """Points inside the bands, and ratios, of some predictions."""
     within = inside(rows, "specimen_half", "mesh_half")
     of_mean = inside(rows, "mean_half", "mesh_half")
+    late = [row for row in rows if row["angle"] > tables.RATIO_FROM]
     low, high = np.quantile(ratios(rows), (0.05, 0.95))
     stiffness = np.hstack([array(rows, f"stiffness_{x}") for x in ("0.5", "2")])
     return {
         f"{key}_inside": f"{within} of {len(rows)}",
+        f"{key}_late": f"{inside(late, 'specimen_half', 'mesh_half')} of {len(late)}",
         f"{key}_share": percent(within / len(rows), ".0f"),
         f"{key}_mean": f"{of_mean} of {len(rows)}",
         f"{key}_mesh": f"{inside(rows, 'mesh_half')} of {len(rows)}",
@@ -119,10 +128,11 @@ def _of_angle(rows: list[Row]) -> dict[str, str]:
     stiffness = np.hstack(
         [array(known, f"stiffness_{x}") - array(known, "centre") for x in ("0.5", "2")]
     )
-    net = array(known, "pin_jointed")
+    net, moved_by = array(known, "pin_jointed"), _moments_moved(found.slack)
     below = {of: max(net - array(known, of)) for of in ("centre", "zone")}
     return {
         **{f"{of}_below": f"{x:.1f}°" for of, x in below.items()},
+        **{key: percent(x, "+.0f") for key, x in moved_by.items()},
         "onset": f"{first:.1f}°",
         "onset_area": f"{onset(finest, 'slip_share_of_area', 0.01):.1f}°",
         "departure": f"{found.net:.1f}°",
@@ -134,6 +144,22 @@ def _of_angle(rows: list[Row]) -> dict[str, str]:
         "model_slack": f"{found.model_slack:.1f} mm",
         "angle_stiffness": f"{np.abs(stiffness).max():.2f}°",
     }
+
+
+def _moments_moved(slack: float) -> dict[str, float]:
+    """Change of the moment of the law at 30° by the measured angle.
+
+    The moment at the angle of the net at this displacement belongs to the measured one.
+    """
+    law = fitted(FABRIC, BIAS, without=NAME).laws["shear"]
+    moved, angle = measured()
+    at = np.interp(np.radians(_STATED), angle, moved)
+    nets = {
+        "moment": TEST.shear_angle(at),
+        "moment_less_slack": TEST.shear_angle(at - slack),
+    }
+    own = law.value(np.radians(_STATED))
+    return {key: float(law.value(gamma) / own - 1) for key, gamma in nets.items()}
 
 
 STUDY = Measured()

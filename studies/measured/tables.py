@@ -8,7 +8,7 @@ from numpy import ndarray
 from ..common.tables import Row, grouped, having, markdown_table, percent, span
 from .angle import departures, measured, onset, specimen
 from .normalised import ANGLES as NORMALISED
-from .published import BIAS, FABRICS, FRAMES
+from .published import BIAS, FABRICS, FRAMES, fibre_stiffnesses
 from .shear import ANGLES
 
 #: Shear angle in degrees beyond which forces are compared by their ratio.
@@ -44,6 +44,27 @@ def laws(rows: list[Row]) -> str:
         lines.append([fabric, f"{test}s", group[0]["specimens"], *cells])
     head = ["fabric", "law of", "curves", *(f"{angle}°" for angle in ANGLES)]
     return markdown_table(head, lines)
+
+
+def misaligned(rows: list[Row]) -> str:
+    """Misalignment of fibres that makes picture frames as stiff as measured.
+
+    Fibres held at an angle α to the sides of a frame have the strain ½ ln(1 + sin 2α
+    sin γ), about α sin γ, and add E α² sin γ cos γ to the moment.
+    """
+    lines = []
+    for fabric in FABRICS:
+        line: list[object] = [fabric]
+        for angle in ANGLES[1:]:
+            at = having(rows, fabric=fabric, angle=angle)
+            by_test = {row["test"]: row["moment"] for row in at}
+            gamma, more = np.radians(angle), by_test[FRAMES] - by_test[BIAS]
+            E = sum(fibre_stiffnesses(fabric))
+            alpha = np.sqrt(more / (E * np.sin(gamma) * np.cos(gamma)))
+            ratio = by_test[FRAMES] / by_test[BIAS]
+            line.append(f"{ratio:.1f}; {np.degrees(alpha):.2f}°")
+        lines.append(line)
+    return markdown_table(["fabric", *(f"{angle}°" for angle in ANGLES[1:])], lines)
 
 
 def sets(rows: list[Row]) -> str:

@@ -29,6 +29,7 @@ FENCED = re.compile(r"^```(.*)\n(?:.*\n)*?```$", re.M)
 #: Every external address that a page links to.
 EXTERNAL = {
     "https://gmsh.info",
+    "https://github.com/bertoldi-collab/aerodynamic-textile-metamaterials",
     "https://github.com/chrkrogh/Export-Draped-Pattern-from-Abaqus-Composites-Modeler",
     "https://github.com/guzmalalo/bias_test",
     "https://github.com/nschloe/meshio",
