@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from ..common.tables import grouped, having, percent, span
+from ..common.tables import grouped, having, percent
 from ..study import Part, Row, Study
 from . import pictures, tables
 from .angle import FABRIC, NAME, TEST, angle_cases, departures, measured, onset
 from .normalised import normalised_cases
 from .nylon import nylon_cases
-from .published import BIAS, FABRICS, FRAMES
+from .published import BIAS, FRAMES
 from .shear import LawCase, fitted, shear_cases
 from .tables import array, inside, ratios
 from .temperature import Temperature
@@ -75,21 +75,10 @@ class Measured(Study[Any]):
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         found: dict[str, str] = {}
-        for test, law in ((BIAS, FRAMES), (BIAS, BIAS), (FRAMES, BIAS)):
-            group = having(rows, test=test, law=law)
-            if not group:
-                continue
-            key = f"{test}_by_{law}".replace(" ", "_")
-            found |= _of_set(key, group)
-            for fabric in FABRICS:
-                of_fabric = having(group, fabric=fabric)
-                found |= _of_set(f"{key}_{fabric}".replace(" ", "_"), of_fabric)
+        if predicted := [row for row in rows if "specimen_half" in row and "x" in row]:
+            found |= _of_sets(predicted)
         if angles := [row for row in rows if "pin_jointed" in row]:
             found |= _of_angle(angles)
-        if factors := [row for row in rows if "factor" in row]:
-            found["factors"] = span(array(factors, "factor"), ".2f")
-            beyond = sum(row["factor"] > row["limit"] for row in factors)
-            found["beyond_limit"] = f"{beyond} of {len(factors)}"
         if strips := having(rows, fitted=False):
             off = array(strips, "predicted") / array(strips, "measured") - 1
             low, high = (percent(x, ".0f") for x in (off.min(), off.max()))
@@ -98,25 +87,27 @@ class Measured(Study[Any]):
         return found
 
 
-def _of_set(key: str, rows: list[Row]) -> dict[str, str]:
-    """Points inside the bands, and ratios, of some predictions."""
-    within = inside(rows, "specimen_half", "mesh_half")
-    of_mean = inside(rows, "mean_half", "mesh_half")
-    late = [row for row in rows if row["angle"] > tables.RATIO_FROM]
-    low, high = np.quantile(ratios(rows), (0.05, 0.95))
+def _of_sets(rows: list[Row]) -> dict[str, str]:
+    """Points inside the bands, and ratios of predicted and measured forces."""
+    bias, across, frames = (
+        having(rows, test=test, law=law)
+        for test, law in ((BIAS, BIAS), (BIAS, FRAMES), (FRAMES, BIAS))
+    )
+    found = {}
+    for fabric, group in grouped(bias, "fabric").items():
+        low, high = np.quantile(ratios(group), (0.05, 0.95))
+        found[f"ratios_{fabric}".replace(" ", "_")] = f"{low:.2f} to {high:.2f}"
+    for name, group in (("bias", bias), ("across", across), ("frames", frames)):
+        late = [row for row in group if row["angle"] > tables.RATIO_FROM]
+        within = inside(late, "specimen_half", "mesh_half")
+        found[f"{name}_inside"] = f"{within} of {len(late)}"
     stiffness = np.hstack([array(rows, f"stiffness_{x}") for x in ("0.5", "2")])
-    return {
-        f"{key}_inside": f"{within} of {len(rows)}",
-        f"{key}_late": f"{inside(late, 'specimen_half', 'mesh_half')} of {len(late)}",
-        f"{key}_share": percent(within / len(rows), ".0f"),
-        f"{key}_mean": f"{of_mean} of {len(rows)}",
-        f"{key}_mesh": f"{inside(rows, 'mesh_half')} of {len(rows)}",
-        f"{key}_ratio": f"{np.median(ratios(rows)):.2f}",
-        f"{key}_ratios": f"{low:.2f} to {high:.2f}",
-        f"{key}_stiffness": percent(np.abs(stiffness).max(), ".1f"),
-        f"{key}_interval": percent(
-            (array(rows, "mesh_half") / array(rows, "predicted")).max(), ".2f"
-        ),
+    interval = array(rows, "mesh_half") / array(rows, "predicted")
+    return found | {
+        "across_ratio": f"{np.median(ratios(across)):.2f}",
+        "frames_ratio": f"{np.median(ratios(frames)):.2f}",
+        "stiffness": percent(np.abs(stiffness).max(), ".1f"),
+        "interval": percent(interval.max(), ".2f"),
     }
 
 
@@ -134,12 +125,9 @@ def _of_angle(rows: list[Row]) -> dict[str, str]:
         **{f"{of}_below": f"{x:.1f}°" for of, x in below.items()},
         **{key: percent(x, "+.0f") for key, x in moved_by.items()},
         "onset": f"{first:.1f}°",
-        "onset_area": f"{onset(finest, 'slip_share_of_area', 0.01):.1f}°",
         "departure": f"{found.net:.1f}°",
         "departure_raw": f"{found.raw:.1f}°",
         "departure_model": f"{found.model:.1f}°",
-        "onset_late": f"{abs(first - found.net):.1f}°",
-        "onset_late_model": f"{abs(first - found.model):.1f}°",
         "slack": f"{found.slack:.1f} mm",
         "model_slack": f"{found.model_slack:.1f} mm",
         "angle_stiffness": f"{np.abs(stiffness).max():.2f}°",
