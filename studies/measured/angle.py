@@ -1,5 +1,6 @@
 """Shear angle of a bias extension: predicted, measured, and where yarns may slip."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,8 +64,8 @@ class Angle:
 
     def rows(self) -> list[Row]:
         """Angles in the middle and slip index, by the displacement."""
-        result = _simulated(self.density, 1.0)
-        others = {x: _simulated(self.density, x) for x in STIFFNESSES}
+        result = simulated(self.density, 1.0)
+        others = {x: simulated(self.density, x) for x in STIFFNESSES}
         found: list[Row] = []
         for i, state in enumerate(result.states[1:], 1):
             gamma = np.radians(END) * state.load_factor
@@ -77,15 +78,16 @@ class Angle:
                     "zone": _angle(result, i, _zone(result, float(gamma))),
                     **slip_figures(result.ply, state.u, state.parameters),
                     **{
-                        f"stiffness_{times:g}": _at(other, state.load_factor)
+                        f"{name}_{times:g}": _at(other, of, state.load_factor)
                         for times, other in others.items()
+                        for name, of in (("stiffness", _of_centre), ("slip", _slip))
                     },
                 }
             )
         return found
 
 
-def _simulated(density: float, times: float) -> Result:
+def simulated(density: float, times: float) -> Result:
     """The bias extension with a multiple of the assumed tension stiffness."""
     law = fitted(FABRIC, BIAS, without=NAME).laws["shear"]
     warp, weft = (times * E for E in fibre_stiffnesses(FABRIC))
@@ -123,12 +125,24 @@ def _angle(result: Result, i: int, elements: ndarray) -> float:
     return float(np.degrees(angle.sum() / ply.basis.dx[elements].sum()))
 
 
-def _at(result: Result, load_factor: float) -> float:
-    """Angle at the centre at a load factor."""
-    every = range(len(result.states))
-    angles = [_angle(result, i, _centre(result)) for i in every]
+def _of_centre(result: Result, i: int) -> float:
+    """Angle at the centre in a state."""
+    return _angle(result, i, _centre(result))
+
+
+def _slip(result: Result, i: int) -> float:
+    """Slip index that is exceeded on the area of one crossing in a state."""
+    state = result.states[i]
+    return slip_figures(result.ply, state.u, state.parameters)["max_slip_index"]
+
+
+def _at(
+    result: Result, of: Callable[[Result, int], float], load_factor: float
+) -> float:
+    """Value of the states of a result, at a load factor."""
+    values = [of(result, i) for i in range(len(result.states))]
     times = [state.load_factor for state in result.states]
-    return float(np.interp(load_factor, times, angles))
+    return float(np.interp(load_factor, times, values))
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Pictures of the study."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from ..common.figures import PAGE, colour_of, legend, panels_of
 from ..common.tables import Row, grouped, having
 from ..study import Picture
-from .angle import departures, measured, specimen
+from .angle import END, departures, measured, simulated, specimen
 from .nylon import measured as nylon_data
 from .published import BIAS, CAO, FABRICS, FRAMES, NYLON, error_bars, of_fabric
 from .shear import UP_TO
@@ -177,6 +178,18 @@ def angle(rows: list[Row], file: Path) -> None:
             "measured 2° below the model": {"color": _BLACK, "ls": "-.", "lw": 0.9},
         }
         legend(figure, styles, 3)
+
+
+def slip(rows: list[Row], file: Path) -> None:
+    """Slip index of the specimen at several shear angles, on the coarser mesh."""
+    from skfem_textile import plot
+
+    result = simulated(min(row["density"] for row in rows), 1.0)
+    angles = [END * state.load_factor for state in result.states]
+    shown = [int(np.argmin(np.abs(np.array(angles) - x))) for x in (20.0, 30.0, 40.0)]
+    one_state = [replace(result, states=result.states[: i + 1]) for i in shown]
+    titles = [f"{angles[i]:.0f}°" for i in shown]
+    plot.field(*one_state, field="slip_index", titles=titles, clim=(0, 200), path=file)
 
 
 def nylon(rows: list[Row], file: Path) -> None:

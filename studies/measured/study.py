@@ -43,7 +43,7 @@ class Measured(Study[Any]):
         Part(
             "angle.csv",
             {"angle.md": tables.angle, "onsets.md": tables.onsets},
-            {"angle.png": pictures.angle},
+            {"angle.png": pictures.angle, "slip.png": pictures.slip},
             cases=("angle: *",),
         ),
         Part(

@@ -9,7 +9,7 @@ from ..common.tables import Row, grouped, having, markdown_table, percent, span
 from .angle import departures, measured, onset, specimen
 from .normalised import ANGLES as NORMALISED
 from .published import BIAS, FABRICS, FRAMES, fibre_stiffnesses
-from .shear import ANGLES
+from .shear import ANGLES, STIFFNESSES
 
 #: Shear angle in degrees beyond which forces are compared by their ratio.
 RATIO_FROM = 5.0
@@ -212,12 +212,16 @@ def onsets(rows: list[Row]) -> str:
             [
                 f"{density:g}",
                 f"{onset(group, 'max_slip_index', 1.0):.1f}°",
+                ", ".join(
+                    f"{onset(group, f'slip_{x:g}', 1.0):.1f}°" for x in STIFFNESSES
+                ),
                 f"{onset(group, 'slip_share_of_area', 0.01):.1f}°",
                 *(f"{x:.1f}°" for x in (found.raw, found.net, found.model)),
                 f"{found.slack:.1f} mm, {found.model_slack:.1f} mm",
             ]
         )
-    head = ["mesh density", "slip index 1 on one crossing", "on 1 % of the area"]
+    head = ["mesh density", "slip index 1 on one crossing"]
+    head += ["with half, twice the fibre stiffness", "on 1 % of the area"]
     head += ["measured angle 2° below: the net", "the net, less slack"]
     head += ["the model, less slack", "slack by the net, by the model"]
     return markdown_table(head, lines)
