@@ -189,7 +189,9 @@ def slip(rows: list[Row], file: Path) -> None:
     shown = [int(np.argmin(np.abs(np.array(angles) - x))) for x in (20.0, 30.0, 40.0)]
     one_state = [replace(result, states=result.states[: i + 1]) for i in shown]
     titles = [f"{angles[i]:.0f}°" for i in shown]
-    plot.field(*one_state, field="slip_index", titles=titles, clim=(0, 200), path=file)
+    plot.field(
+        *one_state, field="slip_index", titles=titles, clim=(0, 200), filename=file
+    )
 
 
 def nylon(rows: list[Row], file: Path) -> None:

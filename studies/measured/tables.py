@@ -208,13 +208,12 @@ def onsets(rows: list[Row]) -> str:
     lines = []
     for density, group in grouped(rows, "density").items():
         found = departures(group)
+        others = (onset(group, f"slip_{times:g}", 1.0) for times in STIFFNESSES)
         lines.append(
             [
                 f"{density:g}",
                 f"{onset(group, 'max_slip_index', 1.0):.1f}°",
-                ", ".join(
-                    f"{onset(group, f'slip_{x:g}', 1.0):.1f}°" for x in STIFFNESSES
-                ),
+                ", ".join(f"{x:.1f}°" for x in others),
                 f"{onset(group, 'slip_share_of_area', 0.01):.1f}°",
                 *(f"{x:.1f}°" for x in (found.raw, found.net, found.model)),
                 f"{found.slack:.1f} mm, {found.model_slack:.1f} mm",
