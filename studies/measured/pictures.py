@@ -71,9 +71,10 @@ def bias_extensions(fabric: str, rows: list[Row], file: Path) -> None:
         for axes in grid.flat[len(names) :]:
             axes.set_axis_off()
         for name, axes in zip(names, grid.flat, strict=False):
-            for law, group in grouped(
-                having(rows, fabric=fabric, test=BIAS, name=name), "law"
-            ).items():
+            of_name = having(rows, fabric=fabric, test=BIAS, name=name)
+            if not of_name:  # in a run of selected cases
+                continue
+            for law, group in grouped(of_name, "law").items():
                 _band(axes, group, colour_of(_OF_LAW[law]), "x")
             x, y = array(group, "x"), array(group, "measured")
             axes.plot(x, y, ".", color=_BLACK, ms=3)
@@ -105,6 +106,8 @@ def frames(rows: list[Row], file: Path) -> None:
         styles: dict[str, dict[str, Any]] = {}
         for fabric, axes in zip(FABRICS, grid[0], strict=True):
             of_law = having(rows, fabric=fabric, test=FRAMES)
+            if not of_law:  # in a run of selected cases
+                continue
             first = next(iter(grouped(of_law, "name").values()))
             _shear_forces(axes, first, of_fabric(fabric, FRAMES))
             for curve in of_fabric(fabric, FRAMES):

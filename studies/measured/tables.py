@@ -58,6 +58,8 @@ def misaligned(rows: list[Row]) -> str:
         for angle in ANGLES[1:]:
             at = having(rows, fabric=fabric, angle=angle)
             by_test = {row["test"]: row["moment"] for row in at}
+            if by_test.keys() != {FRAMES, BIAS}:
+                return ""
             gamma, more = np.radians(angle), by_test[FRAMES] - by_test[BIAS]
             E = sum(fibre_stiffnesses(fabric))
             alpha = np.sqrt(more / (E * np.sin(gamma) * np.cos(gamma)))
@@ -72,8 +74,8 @@ def sets(rows: list[Row]) -> str:
     lines = []
     for test, law in ((BIAS, FRAMES), (BIAS, BIAS), (FRAMES, BIAS)):
         for fabric in FABRICS:
-            group = having(rows, fabric=fabric, test=test, law=law)
-            lines.append(_line_of_set(test, law, fabric, group))
+            if group := having(rows, fabric=fabric, test=test, law=law):
+                lines.append(_line_of_set(test, law, fabric, group))
     head = ["predicted", "law of", "fabric", "curves", "points"]
     head += ["in the band of a specimen", "of the mean", "of the mesh alone"]
     head += ["predicted ÷ measured: median", "range"]
@@ -109,6 +111,8 @@ def each(test: str, rows: list[Row]) -> str:
             within = inside(of_law, "specimen_half", "mesh_half")
             line += [f"{within} of {len(of_law)}", span(ratios(of_law), ".2f")]
         lines.append(line)
+    if not lines:
+        return ""
     laws_of = list(grouped(of_test, "law"))
     head = ["fabric", "specimen" if test == BIAS else "laboratory"]
     for law in laws_of:
@@ -135,6 +139,8 @@ def normalised(rows: list[Row]) -> str:
         at = having(rows, angle=angle)
         for fabric in FABRICS:
             factors = array(having(at, fabric=fabric), "factor")
+            if not factors.size:
+                return ""
             within = f"{factors.min():.2f} to {factors.max():.2f}"
             line.append(f"{np.median(factors):.2f} ({within})")
         lines.append([*line, f"{at[0]['limit']:.2f}"])
