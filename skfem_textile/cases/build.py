@@ -529,6 +529,7 @@ def _fabric(
         of_bending,
         bending.twist_N_mm,
         np.radians(shear.wrinkling_angle_deg),
+        None if shear.yarns is None else shear.yarns.construct(),
     )
 
 

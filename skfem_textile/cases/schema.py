@@ -220,8 +220,10 @@ class CrimpInterchange(Law, tag="crimp-interchange"):
 if TYPE_CHECKING:
     TensionLaw: TypeAlias = Law
     ShearLaw: TypeAlias = Law
+    _Yarns: TypeAlias = DeclaredTable
     BendingLaw: TypeAlias = Law
 else:
+    _Yarns = table_of(declared.Yarns, tag=False)
     _Linear = table_of(declared.Linear, Law)
     TensionLaw = (
         _Linear
@@ -367,12 +369,10 @@ class Shear(Table):
     wrinkling_angle_deg: Annotated[
         float,
         Meta(gt=0, le=90),
-        about(
-            "shear angle above which compressed fibres wrinkle, for the wrinkle_risk "
-            "of a ply on a tool"
-        ),
+        about("shear angle above which compressed fibres wrinkle, for wrinkle_risk"),
     ] = 90.0
     friction: ShearFriction | None = None
+    yarns: _Yarns | None = None
 
     def build(self) -> Any:
         """Build the law; see `Weft.build`."""

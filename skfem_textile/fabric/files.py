@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +133,8 @@ def fabric_text(fabric: Fabric, origin: Origin | None = None) -> str:
             encoded[name] = value
     if origin is not None:
         encoded["origin"] = _encoded("origin", origin)
+    if fabric.yarns is not None:
+        encoded["yarns"] = asdict(fabric.yarns)
     return _text({"format": _FORMAT} | encoded)
 
 
@@ -147,10 +149,11 @@ def fabric_of_text(content: bytes) -> tuple[Fabric, Origin | None]:
     parts = _content(content)
     if not isinstance(parts, Mapping) or parts.get("format") != _FORMAT:
         raise ValueError(f"the key 'format' must be {_FORMAT!r}")
-    if set(parts) - {"format", "origin", *_OTHERS} != set(_PARTS):
+    optional = *_OTHERS, "yarns", "origin"
+    if set(parts) - {"format", *optional} != set(_PARTS):
         raise ValueError(
             f"the keys must be {', '.join(_PARTS)} and, optionally, "
-            f"{', '.join(_OTHERS)} and origin"
+            f"{', '.join(optional[:-1])} and origin"
         )
     return _described("fabric", lambda: (_fabric(parts), _origin(parts.get("origin"))))
 
@@ -176,6 +179,10 @@ def _fabric(content: Mapping[str, Any]) -> Fabric:
     for name in ("warp", "weft"):
         if isinstance(decoded[name], tuple):
             decoded[name] = np.array(decoded[name], dtype=float)
+    if "yarns" in decoded:
+        from .yarns import Yarns
+
+        decoded["yarns"] = Yarns(**decoded["yarns"])
     return Fabric(**decoded)
 
 

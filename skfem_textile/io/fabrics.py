@@ -512,6 +512,7 @@ def _material_of(fabric: Fabric, thickness: float, name: str) -> str:
         "a law of both fibre strains": not isinstance(fabric.tensions, TwoLaws),
         "bending or twist stiffness": fabric.bends,
         "a wrinkling angle": np.any(fabric.wrinkling_angle != Fabric.wrinkling_angle),
+        "yarns": fabric.yarns is not None,
         "laws that differ between elements": fabric.at() is not fabric,
     }
     for what, is_given in unsupported.items():

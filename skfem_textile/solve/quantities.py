@@ -139,6 +139,12 @@ OF_PLY = (
     ),
 )
 
+#: Force handed over at crossings, of a fabric with yarns.
+SLIP = Quantity(
+    *("Slip index", "max_slip_index", "%"),
+    note=" of the force that friction at a crossing bears",
+)
+
 
 def first_rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Rows of the quantities that a summary declares in ``first``.
