@@ -8,12 +8,12 @@ from numpy import ndarray
 from skfem import (
     BilinearForm,
     CellBasis,
+    Element,
     ElementQuad1,
     ElementTriP1,
     LinearForm,
     Mesh,
 )
-from skfem.element import Element
 from skfem.helpers import dot, grad
 
 from ..fabric.yarns import Yarns, friction_part
