@@ -339,8 +339,8 @@ class Result:
             first.append(IN_SPACE._replace(has_interval=known or not stated).declared())
         else:
             first.append(IN_PLANE.declared())
-        of_friction = (LOST,) if state.energy_lost else ()
-        of_friction += (SLIP,) if ply.fabric.yarns else ()
+        lost = (LOST,) if state.energy_lost else ()
+        slip = (SLIP,) if ply.fabric.yarns else ()
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -377,7 +377,7 @@ class Result:
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
             **of_tools,
-            "first": [*first, *(one.declared() for one in (*of_friction, *OF_PLY))],
+            "first": [*first, *(one.declared() for one in (*lost, *OF_PLY, *slip))],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
 
