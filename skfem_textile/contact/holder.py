@@ -13,7 +13,7 @@ from ..mesh.user_input import call_user_function, real_numbers
 from ..ply import Ply
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..solve.on_surface import CheckedSurface
-from .obstacle import ContactPoints, Obstacle, ToolContact, ToolTerm, turned
+from .obstacle import Obstacle, ToolContact, ToolTerm, turned
 from .outline import shares_inside
 
 # Number of load factors at which a gap or pressure is validated before a run: every
@@ -32,9 +32,10 @@ class _PressedAreas(TermParameters):
     """
 
     def __init__(
-        self, obstacle: Obstacle, basis: CellBasis, points: ContactPoints
+        self, term: "HolderPressure", obstacle: Obstacle, basis: CellBasis
     ) -> None:
-        self._outline, self._points = obstacle.outline, points
+        self._term, self._points = term, term._points
+        self._outline = obstacle.outline
         self._obstacle = replace(obstacle, outline=None)
         self._mesh, self._nodes = basis.mesh, basis.element_dofs[::3] // 3
         shapes = [np.asarray(basis.basis[i][0])[0] for i in range(0, basis.Nbfun, 3)]
@@ -42,12 +43,26 @@ class _PressedAreas(TermParameters):
 
     def at_rest(self) -> Values:
         """Values before the run."""
-        return self.updated(NO_VALUES, np.zeros(self._obstacle.X.size), 0.0)
+        values = self._term.values_at_rest({})
+        return self.updated(values, np.zeros(self._obstacle.X.size), 0.0)
 
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
         """Values at a displacement."""
+        values, term = Values({**values, "areas": self._areas(u, t)}), self._term
+        if term.friction:
+            normals = self._obstacle.gaps(self._points.in_planes(u), t).normal
+            state = u, t, normals, term.forces(u, t, values)
+            values = term.friction.updated(values, *state)
+        return values
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """See `Friction.advanced`."""
+        friction = self._term.friction
+        return friction.advanced(values, u, t) if friction else values
+
+    def _areas(self, u: ndarray, t: float) -> ndarray:
         obstacle, areas = self._obstacle, self._integrals
         x = obstacle.X + u.reshape(-1, 3).T
         if self._outline is not None:
@@ -59,7 +74,7 @@ class _PressedAreas(TermParameters):
         nodes = np.flatnonzero(areas)
         at = obstacle.gaps(self._points.positions(u)[:, nodes], t)
         areas[nodes] *= np.isfinite(at.gap) / at.slope
-        return Values({"areas": areas})
+        return np.asarray(areas)
 
 
 class HolderPressure(ToolTerm):
@@ -79,18 +94,20 @@ class HolderPressure(ToolTerm):
         super().__init__(name, obstacle, basis)
         self._pressure = pressure
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
-        self.parameters = self._pressed_areas = _PressedAreas(
-            *(obstacle, basis, self._points)
-        )
+        self.parameters = self._pressed_areas = _PressedAreas(self, obstacle, basis)
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
         _, factors, _, local = self._nodes_under(u, t, p)
-        return float(factors @ self._surface.level(local))
+        of_friction = self.friction.energy(u, t, p) if self.friction else 0.0
+        return float(factors @ self._surface.level(local)) + of_friction
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Forces towards the surface."""
-        return self._points.nodal(self._on_points(u, t, p))
+        f = self._on_points(u, t, p)
+        if self.friction:
+            f = f + self.friction.forces(u, t, p)
+        return self._points.nodal(f)
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Their derivative, see `Pattern.sum`."""
@@ -98,6 +115,8 @@ class HolderPressure(ToolTerm):
         K = np.zeros((3, 3, self.nodes.shape[1]))
         H = factors * self._surface.hessian(local)
         K[..., nodes] = turned(rotation, H)
+        if self.friction:
+            K += self._points.along_planes(self.friction.stiffness(u, t, p))
         return self._points.matrices(K)
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:

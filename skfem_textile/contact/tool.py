@@ -5,7 +5,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from numpy import ndarray
 from numpy.typing import ArrayLike
@@ -15,7 +15,7 @@ from ..mesh.user_input import keep_copies
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import Amount, HolderPressure, function_of
-from .obstacle import Motion, Obstacle, ToolContact, no_reach
+from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
 
 
 class FormingContact(ToolContact):
@@ -85,6 +85,8 @@ class Tool:
     side: int | None = None
     thickness: float = 0.0
     outline: ArrayLike | None = None
+    friction: Amount = 0.0
+    elastic_slip: float = 0.02
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -101,7 +103,7 @@ class Tool:
             undeformed ply, or another argument is not valid.
         """
         obstacle = Obstacle.of(self, basis)
-        return FormingContact(self.name, obstacle, basis)
+        return _with_friction(self, FormingContact(self.name, obstacle, basis))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +145,8 @@ class Holder:
     side: int | None = None
     thickness: float = 0.0
     outline: ArrayLike | None = None
+    friction: Amount = 0.0
+    elastic_slip: float = 0.02
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -174,4 +178,15 @@ class Holder:
                 f"{what}: no part of the undeformed ply is within its edges or "
                 "outline: check the positions and units of holder and ply"
             )
-        return term
+        return _with_friction(self, term)
+
+
+_Term = TypeVar("_Term", bound=ToolTerm)
+
+
+def _with_friction(tool: Tool | Holder, term: _Term) -> _Term:
+    """The term of a tool, with its friction if there is any."""
+    mu = function_of(f"tool {tool.name!r}: friction", tool.friction, 0.0, "")
+    if callable(tool.friction) or tool.friction:
+        term.with_friction(mu, tool.elastic_slip)
+    return term

@@ -69,6 +69,20 @@ def with_values(
     return Frozen({**parameters, **changed})
 
 
+def with_friction(
+    problem: Problem, parameters: PlyParameters, u: ndarray, after: ndarray
+) -> PlyParameters:
+    """Parameters with the friction that an increment from u predicts."""
+    t, changed = problem.load_factor, {}
+    for x in problem.ply.terms:
+        if friction := getattr(x, "friction", None):
+            p = friction.predicted(parameters[x.name], u, after - u, t)
+            if x in problem.contacts:
+                p = friction.bounded(p, t, x.normals(after, t), p["force"])
+            changed[x.name] = p
+    return Frozen({**parameters, **changed})
+
+
 def of_tools(problem: Problem, parameters: PlyParameters) -> dict[str, Values]:
     """Parameters of the contact with tools, by name."""
     return {x.name: parameters[x.name] for x in problem.contacts}
@@ -94,6 +108,15 @@ def without(problem: Problem, parameters: PlyParameters) -> PlyParameters:
     """Parameters without contact with tools."""
     at_rest = of_tools(problem, problem.ply.parameters_at_rest)
     return Frozen({**parameters, **at_rest})
+
+
+def frictional(problem: Problem, parameters: PlyParameters) -> PlyParameters:
+    """Parameters without normal contact with tools, but with their friction."""
+    none = {
+        x.name: np.zeros_like(parameters[x.name]["force"]) for x in problem.contacts
+    }
+    parameters = with_values(parameters, "force", none)
+    return with_values(parameters, "stiffness", none)
 
 
 def resultants(
@@ -185,6 +208,7 @@ class ActiveSet(Direction):
             for name, force in forces(problem, at.parameters).items()
         }
         p = with_values(at.parameters, "force", moved)
+        p = with_friction(problem, p, at.u, u)
         at = Iterate(u, problem.residual(u, p), p, tension, increment.contact_forces)
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at
@@ -195,17 +219,19 @@ class ActiveSet(Direction):
     def _without_contact(self, at: Iterate) -> tuple[ndarray, ndarray]:
         """Nodal forces without tools, and stiffness less λ∇²g."""
         problem, (u, f, p, tension, forces, _) = self._problem, at
-        arguments = u, problem.load_factor, without(problem, p), tension
+        t, rest = problem.load_factor, frictional(problem, p)
+        arguments = u, t, rest, tension
         K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
         for tool in problem.contacts:
-            f = f - tool.residual(u, problem.load_factor, p[tool.name])
+            f = f - tool.residual(u, t, p[tool.name])
+            f = f + tool.residual(u, t, rest[tool.name])
             K = problem.curved(u, K, tool, forces[tool.name])
         return f, K
 
     def _projected(self, at: Iterate) -> ndarray:
         """Stiffness without tools and compressive tensions, of projected elements."""
         assert at.tension is not None  # `first` sets it
-        problem, p = self._problem, without(self._problem, at.parameters)
+        problem, p = self._problem, frictional(self._problem, at.parameters)
         arguments = at.u, problem.load_factor, p, np.maximum(at.tension, 0.0), True
         return problem.clock.time("assembly", problem.ply.stiffness, *arguments)
 
