@@ -71,6 +71,12 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             "does not touch the ply"
         ),
     ] = None
+    friction: Annotated[
+        Amount, about(f"coefficient of Coulomb friction with the ply; or {_ROWS}")
+    ] = 0.0
+    elastic_slip_mm: Annotated[float, about("slip up to which friction is elastic")] = (
+        0.02
+    )
     gap_mm: Annotated[
         Amount | None,
         about(
@@ -114,6 +120,8 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             "side": self.side,
             "thickness": self.thickness_mm,
             "outline": outline,
+            "friction": _amount(f"{what}.friction", self.friction),
+            "elastic_slip": self.elastic_slip_mm,
             "name": self.name or what,
             "stated": axes.of_tool,
         }

@@ -72,18 +72,21 @@ class Friction:
             "dissipated": np.zeros(()),
         }
 
+    def bound(self, t: float, force: ndarray) -> ndarray:
+        """Bounds μN in N at normal forces, shape (n_nodes,)."""
+        return self._coefficient(t) * force
+
+    def bounded(self, p: Values, t: float, normals: ndarray, bound: ndarray) -> Values:
+        """Values with other bounds, and normals in the axes of the ply."""
+        rotation, _ = self._placement(t)
+        return Values({**p, "bound": bound, "normal": rotation.T @ normals})
+
     def updated(
-        self, p: Values, u: ndarray, t: float, normal: ndarray, force: ndarray
+        self, p: Values, u: ndarray, t: float, normals: ndarray, force: ndarray
     ) -> Values:
         """Values at a displacement, by the normals and normal forces there."""
-        after = self.bounded(p, t, normal, force)
+        after = self.bounded(p, t, normals, self.bound(t, force))
         return Values({**after, "predicted": self._force(u, t, after)})
-
-    def bounded(self, p: Values, t: float, normal: ndarray, force: ndarray) -> Values:
-        """Values with other normals and normal forces."""
-        rotation, _ = self._placement(t)
-        bound = self._coefficient(t) * force
-        return Values({**p, "bound": bound, "normal": rotation.T @ normal})
 
     def predicted(self, p: Values, u: ndarray, du: ndarray, t: float) -> Values:
         """Values with the forces after an increment, to first order."""
@@ -129,7 +132,7 @@ class Friction:
         return p["bound"] * y / np.maximum(size, self._slip)
 
     def _slipped(self, u: ndarray, t: float, p: Values) -> tuple[ndarray, ndarray]:
-        """y and its magnitude in mm."""
+        """Y and its magnitude in mm."""
         moved = self._tangential(self._local(u, t) - p["place"], p)
         y = self._elastic(p) + moved
         return y, np.linalg.norm(y, axis=0)
@@ -140,7 +143,7 @@ class Friction:
         return self._slip * _within(shear, bound) / np.where(bound > 0, bound, 1.0)
 
     def _height(self, size: ndarray) -> ndarray:
-        """h."""
+        """H."""
         elastic = np.minimum(size, self._slip)
         return elastic**2 / (2 * self._slip) + size - elastic
 

@@ -146,24 +146,34 @@ class HolderPressure(ToolTerm):
 
 
 def function_of(
-    what: str, amount: Amount | None, least: float, unit: str
+    what: str, amount: Amount | None, least: float, unit: str, most: float = np.inf
 ) -> Callable[[float], float]:
     """Function of the load factor, validated at each of its values."""
-    at = partial(_amount_at, what, amount, least, unit)
+    at = partial(_amount_at, what, amount, (least, most), unit)
     for t in np.linspace(0.0, 1.0, _CHECKED):
         at(float(t))
     return at
 
 
 def _amount_at(
-    what: str, amount: Amount | None, least: float, unit: str, t: float
+    what: str,
+    amount: Amount | None,
+    between: tuple[float, float],
+    unit: str,
+    t: float,
 ) -> float:
-    value = call_user_function(what, amount, t) if callable(amount) else amount
+    (least, most), value = between, amount
+    if callable(amount):
+        value = call_user_function(what, amount, t)
     number = real_numbers(what, value)
-    if number.shape or not least <= number < np.inf:
+    if number.shape or not (np.isfinite(number) and least <= number <= most):
+        size = (
+            f"of at least {least:g}"
+            if most == np.inf
+            else f"from {least:g} to {most:g}"
+        )
         raise ValueError(
-            f"{what} must be a number of at least {least:g} {unit}, got {value!r} "
-            f"at load factor {t:g}"
+            f"{what} must be a number {size}{unit}, got {value!r} at load factor {t:g}"
         )
     return float(number)
 

@@ -3,6 +3,7 @@
 `Tool` and `Holder` are declarations; `obstacle` and `holder` contain their terms.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -11,7 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis
 
-from ..mesh.user_input import keep_copies
+from ..mesh.user_input import keep_copies, real_numbers
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import Amount, HolderPressure, function_of
@@ -58,6 +59,11 @@ class Tool:
     outline
         Corners of a polygon in mm, shape (2, n), in the x-y plane of the surface: nodes
         outside do not touch the tool.  None for no outline.
+    friction
+        Coefficient μ of Coulomb friction with the ply, from 0 to 2; or a function of
+        the load factor.
+    elastic_slip
+        Slip in mm up to which friction is elastic, before the ply slides.
     name
         Name of the term, of the force of the tool, and of its travel.
     stated
@@ -103,7 +109,8 @@ class Tool:
             undeformed ply, or another argument is not valid.
         """
         obstacle = Obstacle.of(self, basis)
-        return _with_friction(self, FormingContact(self.name, obstacle, basis))
+        term = FormingContact(self.name, obstacle, basis)
+        return _with_friction(obstacle.what, self, term)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +129,7 @@ class Holder:
         Pressure in N/mm² of undeformed area towards the surface, uniform over the part
         of the ply within the outline; or a function of the load factor.  Either a gap
         or a pressure is given.
-    motion, side, thickness, outline, name, stated
+    motion, side, thickness, outline, friction, elastic_slip, name, stated
         See `Tool`.
 
     Examples
@@ -166,27 +173,34 @@ class Holder:
         if (self.gap is None) == (self.pressure is None):
             raise ValueError(f"{what}: specify either a gap or a pressure")
         if self.gap is None:
-            pressure = function_of(f"{what}: pressure", self.pressure, 0.0, "N/mm2")
+            pressure = function_of(f"{what}: pressure", self.pressure, 0.0, " N/mm2")
             obstacle = Obstacle.of(self, basis, no_reach)
             term: ToolContact | HolderPressure
             term = HolderPressure(self.name, pressure, obstacle, basis)
         else:
-            reach = function_of(f"{what}: gap", self.gap, self.thickness, "mm")
+            reach = function_of(f"{what}: gap", self.gap, self.thickness, " mm")
             term = FormingContact(self.name, Obstacle.of(self, basis, reach), basis)
         if not any(term.reaches(basis.zeros(), t) for t in (0.0, 1.0)):
             raise ValueError(
                 f"{what}: no part of the undeformed ply is within its edges or "
                 "outline: check the positions and units of holder and ply"
             )
-        return _with_friction(self, term)
+        return _with_friction(what, self, term)
 
 
 _Term = TypeVar("_Term", bound=ToolTerm)
 
+# Largest coefficient of friction.  A coefficient in percent is larger.
+_MOST_FRICTION = 2.0
 
-def _with_friction(tool: Tool | Holder, term: _Term) -> _Term:
+
+def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
     """The term of a tool, with its friction if there is any."""
-    mu = function_of(f"tool {tool.name!r}: friction", tool.friction, 0.0, "")
+    what = f"{what}: friction"
+    coefficient = function_of(what, tool.friction, 0.0, "", _MOST_FRICTION)
+    slip = float(real_numbers(f"{what}: elastic slip", tool.elastic_slip))
+    if not 0 < slip < math.inf:
+        raise ValueError(f"{what}: the elastic slip must be above 0 mm, got {slip:g}")
     if callable(tool.friction) or tool.friction:
-        term.with_friction(mu, tool.elastic_slip)
+        term.with_friction(coefficient, slip)
     return term

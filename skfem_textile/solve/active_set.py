@@ -69,20 +69,6 @@ def with_values(
     return Frozen({**parameters, **changed})
 
 
-def with_friction(
-    problem: Problem, parameters: PlyParameters, u: ndarray, after: ndarray
-) -> PlyParameters:
-    """Parameters with the friction that an increment from u predicts."""
-    t, changed = problem.load_factor, {}
-    for x in problem.ply.terms:
-        if friction := getattr(x, "friction", None):
-            p = friction.predicted(parameters[x.name], u, after - u, t)
-            if x in problem.contacts:
-                p = friction.bounded(p, t, x.normals(after, t), p["force"])
-            changed[x.name] = p
-    return Frozen({**parameters, **changed})
-
-
 def of_tools(problem: Problem, parameters: PlyParameters) -> dict[str, Values]:
     """Parameters of the contact with tools, by name."""
     return {x.name: parameters[x.name] for x in problem.contacts}
@@ -133,6 +119,26 @@ def resultants(
     }
 
 
+@dataclass
+class Relaxed:
+    """Aitken's relaxation of a fixed-point iteration, with a share of at most 1.
+
+    The bound of friction follows the contact force, and this the friction: in a wedge,
+    which friction jams, both would alternate.
+    """
+
+    share: float = 1.0
+    change: ndarray | None = None
+
+    def __call__(self, before: ndarray, after: ndarray) -> ndarray:
+        """Values between those before and after an iteration."""
+        last, self.change = self.change, after - before
+        if last is not None:
+            ratio = float((self.change * last).sum() / max((last**2).sum(), TINY))
+            self.share = min(1.0, self.share / max(1.0 - ratio, TINY))
+        return before + self.share * self.change
+
+
 class ActiveSet(Direction):
     """Newton direction under contact constraints with linearised gaps.
 
@@ -155,6 +161,7 @@ class ActiveSet(Direction):
         super().__init__(problem)
         self._nodes = problem.ply.pattern.diagonal
         self._last_shift = 0.0
+        self._relaxed = Relaxed()
 
     def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment, with a contact stiffness."""
@@ -208,10 +215,29 @@ class ActiveSet(Direction):
             for name, force in forces(problem, at.parameters).items()
         }
         p = with_values(at.parameters, "force", moved)
-        p = with_friction(problem, p, at.u, u)
+        p = self._with_friction(p, at.u, u)
         at = Iterate(u, problem.residual(u, p), p, tension, increment.contact_forces)
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at
+
+    def _with_friction(
+        self, parameters: PlyParameters, u: ndarray, after: ndarray
+    ) -> PlyParameters:
+        """Parameters with the friction after an increment from u."""
+        problem, t = self._problem, self._problem.load_factor
+        changed = {
+            x.name: x.friction.predicted(parameters[x.name], u, after - u, t)
+            for x in problem.rubbing
+        }
+        tools = [x for x in problem.contacts if x.name in changed]
+        if tools:
+            before = np.array([changed[x.name]["bound"] for x in tools])
+            every = [x.friction.bound(t, changed[x.name]["force"]) for x in tools]
+            bounds = self._relaxed(before, np.array(every))
+            for x, bound in zip(tools, bounds, strict=True):
+                p, normals = changed[x.name], x.normals(after, t)
+                changed[x.name] = x.friction.bounded(p, t, normals, bound)
+        return Frozen({**parameters, **changed})
 
     def tangent(self, at: Iterate) -> None:
         """None: each increment determines it together with its active set."""

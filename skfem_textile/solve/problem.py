@@ -126,8 +126,8 @@ class Problem:
         True if there are loads, or a term with a ``line_search``, respectively.
     moves
         True if supports, surfaces or tools move after the load factor 0.
-    contacts
-        Terms of contact with tools.
+    contacts, rubbing
+        Terms of contact with tools, and of tools and holders with friction.
 
     Raises
     ------
@@ -155,6 +155,7 @@ class Problem:
                 raise ValueError(f"load {term.name!r}: {reason}")
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
+        self.rubbing: list[Any] = [x for x in ply.terms if getattr(x, "friction", None)]
         for tool in self.contacts:
             if tool.name in constraints.nodes:
                 raise ValueError(
