@@ -6,7 +6,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from numpy import ndarray
 from numpy.typing import ArrayLike
@@ -17,6 +17,9 @@ from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import Amount, HolderPressure, function_of
 from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
+
+if TYPE_CHECKING:
+    from .compaction import CompactionLaw, RigidHolder
 
 
 class FormingContact(ToolContact):
@@ -127,8 +130,14 @@ class Holder:
         Distance in mm between holder and surface; or a function of the load factor.
     pressure
         Pressure in N/mm² of undeformed area towards the surface, uniform over the part
-        of the ply within the outline; or a function of the load factor.  Either a gap
-        or a pressure is given.
+        of the ply within the outline; or a function of the load factor.  A gap, a
+        pressure or a force is given.
+    force
+        Force in N of a rigid holder towards the surface, on the computed part of the
+        ply within the outline; or a function of the load factor.  The pressure follows
+        from the thickness of the ply under the holder.
+    compaction
+        Law of compaction of the ply under a force, such as `Compaction`.
     motion, side, thickness, outline, friction, elastic_slip, name, stated
         See `Tool`.
 
@@ -148,6 +157,8 @@ class Holder:
     surface: Surface
     gap: Amount | None = None
     pressure: Amount | None = None
+    force: Amount | None = None
+    compaction: "CompactionLaw | None" = None
     motion: Motion | None = None
     side: int | None = None
     thickness: float = 0.0
@@ -170,13 +181,18 @@ class Holder:
             is negative, or no part of the ply is within the outline.
         """
         what = f"holder {self.name!r}"
-        if (self.gap is None) == (self.pressure is None):
-            raise ValueError(f"{what}: specify either a gap or a pressure")
+        given = self.gap, self.pressure, self.force
+        if sum(one is not None for one in given) != 1:
+            raise ValueError(f"{what}: specify either a gap, a pressure or a force")
+        if (self.force is None) != (self.compaction is None):
+            raise ValueError(
+                f"{what}: a force requires a law of compaction of the ply, and a law "
+                "of compaction a force"
+            )
+        term: ToolContact | HolderPressure
         if self.gap is None:
-            pressure = function_of(f"{what}: pressure", self.pressure, 0.0, " N/mm2")
             obstacle = Obstacle.of(self, basis, no_reach)
-            term: ToolContact | HolderPressure
-            term = HolderPressure(self.name, pressure, obstacle, basis)
+            term = HolderPressure(self.name, self._pressure(what), obstacle, basis)
         else:
             reach = function_of(f"{what}: gap", self.gap, self.thickness, " mm")
             term = FormingContact(self.name, Obstacle.of(self, basis, reach), basis)
@@ -186,6 +202,16 @@ class Holder:
                 "outline: check the positions and units of holder and ply"
             )
         return _with_friction(what, self, term)
+
+    def _pressure(self, what: str) -> "Callable[[float], float] | RigidHolder":
+        """Pressure as a function of the load factor, or the holder with a force."""
+        if self.force is None:
+            return function_of(f"{what}: pressure", self.pressure, 0.0, " N/mm2")
+        from .compaction import RigidHolder
+
+        assert self.compaction
+        force = function_of(f"{what}: force", self.force, 0.0, " N")
+        return RigidHolder(force, self.compaction)
 
 
 _Term = TypeVar("_Term", bound=ToolTerm)

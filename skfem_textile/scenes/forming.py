@@ -162,7 +162,7 @@ def _press_tools(
     flange = Plane((0.0, 0.0, 0.5 * up * gap), (0.0, 0.0, up))
     holder = Holder(flange, gap, side=-1, name="holder")
     if pressure is not None:
-        holder = Holder(die, None, pressure, None, sides[1], 0.0, outline)
+        holder = Holder(die, pressure=pressure, side=sides[1], outline=outline)
     tools = (
         Tool(punch, motion=(0.0, 0.0, travel), side=sides[0], name="punch"),
         Tool(die, side=sides[1], name="die"),
