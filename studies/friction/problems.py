@@ -18,6 +18,7 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Result,
+    State,
     StepError,
     Tool,
     Traction,
@@ -155,9 +156,7 @@ class Strip:
         """Force over the sum of both bounds; work of the last cycle."""
         options: Any = {"side": 1, "elastic_slip": self.slip}
         plate = Tool(drape.Plane(), friction=_BELOW, name="plate", **options)
-        holder = Holder(
-            drape.Plane(), pressure=_PRESSURE, friction=_ABOVE, **options
-        )
+        holder = Holder(drape.Plane(), pressure=_PRESSURE, friction=_ABOVE, **options)
         fabric = Fabric(_FIBRES, 1.0, bending=(1.0, 1.0))
         ply = Ply(
             grid(_LENGTH, _WIDTH, 10, 2), fabric, terms=[plate, holder], dimension=3
@@ -350,15 +349,13 @@ class Hemisphere:
 
 
 def _stored(result: Result) -> float:
-    """Rise of the energy of ply, tractions and holder in N·mm."""
-    first, last = result.states[0], result.states[-1]
-    tools = "punch", "die"
+    """Rise of the energy of ply and tractions in N·mm."""
 
-    def of(state: Any) -> float:
-        potentials = (x for k, x in state.potentials.items() if k not in tools)
-        return sum(state.energies.values()) + sum(potentials)
+    def of(state: State) -> float:
+        pulled = (x for k, x in state.potentials.items() if k.startswith("traction"))
+        return sum(state.energies.values()) + sum(pulled)
 
-    return of(last) - of(first)
+    return of(result.states[-1]) - of(result.states[0])
 
 
 def problems() -> Iterator[Any]:
