@@ -21,7 +21,8 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.contact.figures import tool_history
+from skfem_textile.contact import Compaction, MeasuredCompaction, tool_history
+from skfem_textile.contact.compaction import RigidHolder
 from skfem_textile.ply.parameters import Values
 
 PLANE = drape.Plane((0.0, 0.0, 0.0))
@@ -146,6 +147,52 @@ def test_a_loop_dissipates_its_area():
     # From rest to the amplitude, back to the other one, and to the middle: the start
     # costs the elastic slip once, each return twice.
     assert work[-1] == pytest.approx(BOUND * (8.0 - 5 * elastic), rel=1e-3)
+
+
+# A holder with a force
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Compaction(0.3, 1e-3, 8.0),
+        MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03)),
+    ],
+)
+def test_a_rigid_holder_presses_with_its_force_at_the_distance_of_its_law(law):
+    """On a flat ply the pressure is the force over the area."""
+    force = 10.0
+    plate = Tool(PLANE, side=1, friction=0.2, name="plate")
+    press = {"force": force, "compaction": law, "friction": 0.35}
+    holder = Holder(PLANE, side=1, **press)
+    fabric = Fabric(1e6, 1.0, bending=(1.0, 1.0))
+    ply = Ply(grid(50.0, 10.0, 5, 1), fabric, terms=[plate, holder], dimension=3)
+    conditions = {
+        "pull": Condition("right", lambda X, t: t + 0 * X[0], direction=(1, 0, 0)),
+        "y": Condition("right", (None, 0.0, None)),
+    }
+    checks = ("stabilisation", "deviation")
+    result = LoadStepper(ply, conditions, steps=1, warn_only=checks).run()
+    state, history = result.states[-1], tool_history(result)
+    thickness = history["holder_distance_mm"][-1]
+    assert law.pressure_at(thickness) == pytest.approx(force / 500.0, rel=1e-3)
+    assert state.reactions["plate"][2] == pytest.approx(force, rel=1e-9)
+    assert state.reactions["pull"][0] == pytest.approx(0.55 * force, rel=1e-6)
+
+
+def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
+    law = Compaction(0.3, 1e-3, 8.0)
+    areas, weight = np.array([3.0, 2.0, 0.0]), np.array([1.0, 1.2, 1.0])
+    pressures, distance = RigidHolder(lambda t: 5.0 * t, law).pressed(
+        1.0, areas, weight
+    )
+    assert pressures @ areas == pytest.approx(5.0, rel=1e-12)
+    expected = law.pressure_at(distance / weight)
+    assert pressures[:2] == pytest.approx(expected[:2], rel=1e-9)
+    assert pressures[2] == 0.0
+    none = RigidHolder(lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
+    assert none.distance == pytest.approx(0.36)
+    assert not none.pressures.any()
 
 
 # A disc that turns under a ply
