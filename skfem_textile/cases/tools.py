@@ -89,6 +89,9 @@ class ToolTable(DeclaredTable, tag_field="surface"):
     elastic_slip_mm: Annotated[float, about("slip up to which friction is elastic")] = (
         0.02
     )
+    exact_stick: Annotated[
+        bool, about("true: the ply does not slip before it slides")
+    ] = False
     gap_mm: Annotated[
         Amount | None,
         about(
@@ -145,6 +148,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             "outline": outline,
             "friction": _amount(f"{what}.friction", self.friction),
             "elastic_slip": self.elastic_slip_mm,
+            "exact_stick": self.exact_stick,
             "name": self.name or what,
             "stated": axes.of_tool,
         }

@@ -17,6 +17,9 @@ it, as in primal-dual methods (Hintermüller & Stadler 2006):
     (b I − σ⊗m)/|y|,   m = y/|y|,  if |y| > ε,   else b I/ε,
 
 with its symmetric part, which is positive semi-definite for |σ| ≤ b.
+
+With exact stick, s is a multiplier: updates within an iteration replace it by f, until
+nodes that stick do not slip.
 """
 
 from collections.abc import Callable
@@ -47,6 +50,8 @@ class Friction:
         Rotation R and translation c of the tool at a load factor.
     positions
         Positions x of the contact points at a displacement in mm.
+    exact_stick
+        True if nodes that stick do not slip elastically.
     """
 
     def __init__(
@@ -55,8 +60,9 @@ class Friction:
         slip: float,
         placement: Callable[[float], tuple[ndarray, ndarray]],
         positions: Callable[[ndarray], ndarray],
+        exact_stick: bool = False,
     ) -> None:
-        self._coefficient, self._slip = coefficient, slip
+        self._coefficient, self._slip, self._exact = coefficient, slip, exact_stick
         self._placement, self._positions = placement, positions
 
     def at_rest(self, u: ndarray) -> dict[str, Any]:
@@ -86,6 +92,8 @@ class Friction:
     ) -> Values:
         """Values at a displacement, by the normals and normal forces there."""
         after = self.bounded(p, t, normals, self.bound(t, force))
+        if self._exact:
+            after = Values({**after, "shear": self._force(u, t, after)})
         return Values({**after, "predicted": self._force(u, t, after)})
 
     def predicted(self, p: Values, u: ndarray, du: ndarray, t: float) -> Values:
@@ -102,6 +110,8 @@ class Friction:
         y, size = self._slipped(u, t, p)
         force, x = self._force(u, t, p), self._local(u, t)
         slid = y * np.maximum(1 - self._slip / np.maximum(size, TINY), 0.0)
+        if self._exact:
+            slid = self._tangential(x - p["place"], p)
         work = p["dissipated"] + (force * slid).sum()
         return Values({**p, "place": x, "shear": force, "dissipated": work})
 

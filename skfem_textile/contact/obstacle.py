@@ -431,12 +431,16 @@ class ToolTerm(ElementTerm):
         self._points = ContactPoints(obstacle.X, basis)
         self.nodes = self._points.nodes
 
-    def with_friction(self, coefficient: Any, slip: float) -> None:
-        """Add Coulomb friction; the coefficient is a function of the load factor."""
+    def with_friction(self, *options: Any) -> None:
+        """Add Coulomb friction.
+
+        The options are coefficient, elastic slip and exact stick of `Friction`.
+        """
         from .friction import Friction
 
+        coefficient, slip, exact_stick = options
         place, at = self._obstacle.placement, self._points.in_planes
-        self.friction = Friction(coefficient, slip, place, at)
+        self.friction = Friction(coefficient, slip, place, at, exact_stick)
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Normal forces on the contact points in N, shape (n_nodes,)."""
@@ -597,7 +601,7 @@ class ToolContact(ToolTerm, ContactTerm):
             K += self.friction.stiffness(u, t, p)
         if (nodes := np.flatnonzero(force)).size:
             normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
-            K[..., nodes] = kappa[nodes] * normal[:, None] * normal
+            K[..., nodes] += kappa[nodes] * normal[:, None] * normal
             K[..., nodes] -= p["force"][nodes] * H
         return self._points.matrices(self._points.along_planes(K))
 

@@ -67,6 +67,8 @@ class Tool:
         the load factor.
     elastic_slip
         Slip in mm up to which friction is elastic, before the ply slides.
+    exact_stick
+        True if the ply does not slip before it slides; it takes more linear solves.
     name
         Name of the term, of the force of the tool, and of its travel.
     stated
@@ -96,6 +98,7 @@ class Tool:
     outline: ArrayLike | None = None
     friction: Amount = 0.0
     elastic_slip: float = 0.02
+    exact_stick: bool = False
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -138,7 +141,7 @@ class Holder:
         from the thickness of the ply under the holder.
     compaction
         Law of compaction of the ply under a force, such as `Compaction`.
-    motion, side, thickness, outline, friction, elastic_slip, name, stated
+    motion, side, thickness, outline, friction, elastic_slip, exact_stick, name, stated
         See `Tool`.
 
     Examples
@@ -165,6 +168,7 @@ class Holder:
     outline: ArrayLike | None = None
     friction: Amount = 0.0
     elastic_slip: float = 0.02
+    exact_stick: bool = False
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -228,5 +232,5 @@ def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
     if not 0 < slip < math.inf:
         raise ValueError(f"{what}: the elastic slip must be above 0 mm, got {slip:g}")
     if callable(tool.friction) or tool.friction:
-        term.with_friction(coefficient, slip)
+        term.with_friction(coefficient, slip, tool.exact_stick)
     return term
