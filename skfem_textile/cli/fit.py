@@ -113,7 +113,7 @@ def _fitted(options: Namespace, tests: Sequence[Test], base: Fabric) -> FabricFi
     if known.get("up_to") is not None:
         how["up_to"] = float(np.radians(options.up_to))
     choice = Choice(**how, bounds=dict(known.get("bound", ())) or None)
-    simulation = _simulation(options, base) if known.get("simulate") else None
+    simulation = None if known.get("simulate") is None else _simulation(options, base)
     return fit_tests(tests, choice, simulation)
 
 
@@ -136,7 +136,10 @@ def _simulation(options: Namespace, base: Fabric) -> Simulation:
     across = getattr(options, "simulate", None)
     if across is None:
         return Simulation(base.tension)
-    return Simulation(base.tension, across)
+    try:
+        return Simulation(base.tension, across)
+    except ValueError as error:
+        raise ValueError(f"--simulate: {error}") from None
 
 
 def _tables(options: Namespace, result: FabricFit) -> list[str]:

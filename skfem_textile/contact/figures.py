@@ -209,6 +209,11 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
 
     The component along the longest travel of a tool in a state, so that the forces of
     opposite tools have opposite signs; along z if no tool travels.
+
+    Raises
+    ------
+    ValueError
+        If the ply has no tools.
     """
     ply, states, along = result.ply, result.states, _along(result)
     return {
@@ -220,6 +225,8 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
 def _along(result: Result) -> ndarray:
     """Direction of the longest travel of a tool in a state; z if none travels."""
     tools, states = pressing(result.ply), result.states
+    if not tools:
+        raise ValueError("the ply has no tools or holders, and so no tool forces")
     travelled = [x.travel(state.load_factor) for x in tools for state in states]
     longest = max(travelled, key=np.linalg.norm)
     length = float(np.linalg.norm(longest))

@@ -178,7 +178,12 @@ class Obstacle:
         rotation, translation = self.placement(t)
         local = rotation.T @ (x - translation[:, None])
         near, unit = self._near(local)
-        level, gradient = self._first_order(local[:, near])
+        if first_order := getattr(self.surface, "first_order", None):
+            level, gradient = first_order(local[:, near])
+        else:
+            checked = CheckedSurface(self.what, self.surface)
+            level = checked.level(local[:, near])
+            gradient = checked.gradient(local[:, near])
         within = self._within(local[:, near])
         values = np.vstack([level, gradient])[:, within]
         self._refuse_undefined("level or gradient", values, x[:, near[within]])
@@ -190,7 +195,8 @@ class Obstacle:
         unit[:, near] = gradient[:, regular] / slope
         touched = near[within]
         gap = np.full(x.shape[1], np.inf)
-        gap[touched] = self._sign * distance[touched] + self._offset(t)
+        room = 0.0 if self.reach is None else self.reach(t)
+        gap[touched] = self._sign * distance[touched] + (room - self.half)
         return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
 
     def _refuse_undefined(self, method: str, values: ndarray, x: ndarray) -> None:
@@ -234,15 +240,6 @@ class Obstacle:
     @property
     def _sign(self) -> int:
         return self.side if self.reach is None else -self.side
-
-    def _offset(self, t: float) -> float:
-        return (0.0 if self.reach is None else self.reach(t)) - self.half
-
-    def _first_order(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        if hasattr(self.surface, "first_order"):
-            return self.surface.first_order(x)
-        surface = CheckedSurface(self.what, self.surface)
-        return surface.level(x), surface.gradient(x)
 
     def _within(self, x: ndarray) -> ndarray:
         """True for points that the tool may touch."""

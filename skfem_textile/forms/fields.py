@@ -27,12 +27,13 @@ from ..mesh.bases import (
     CENTRE,
     ElementQuad1Fluctuation,
     MeanBasis,
+    mean,
     quad_basis,
     sided,
 )
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import real_numbers, with_article
-from .form import mean, refuse_basis
+from .form import refuse_basis
 
 #: Where fields are evaluated.
 Place = Literal["points", "elements", "nodes"]

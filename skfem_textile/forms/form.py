@@ -514,13 +514,3 @@ def contract(S: ndarray, C: ndarray, T: ndarray) -> ndarray:
 def families_with_law(fabric: Fabric) -> list[int]:
     """Families with a tension law: 0 for the warp, 1 for the weft."""
     return [i for i, f in enumerate(fabric.families) if not is_zero(f.tension)]
-
-
-def mean(w: Any, x: ndarray) -> ndarray:
-    """Element mean of values at points, shape (..., n_elements, 1).
-
-    ``w`` are the form parameters on a `MeanBasis`.
-    """
-    if "share" not in w:
-        raise ValueError("the form requires a MeanBasis or a MacroBasis")
-    return (w["share"] * x).sum(axis=-1, keepdims=True)

@@ -40,7 +40,7 @@ from skfem.helpers import ddot
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
-from ..mesh.bases import JumpBasis
+from ..mesh.bases import JumpBasis, mean
 from ..mesh.user_input import parameter
 from .form import (
     Forms,
@@ -51,7 +51,6 @@ from .form import (
     elements,
     families_with_law,
     gradient,
-    mean,
     of_density,
     once,
     outer,

@@ -329,6 +329,16 @@ class MeanBasis(CellBasis):
         return values
 
 
+def mean(w: Any, x: ndarray) -> ndarray:
+    """Element mean of values at points, shape (..., n_elements, 1).
+
+    ``w`` are the form parameters on a `MeanBasis`.
+    """
+    if "share" not in w:
+        raise ValueError("the form requires a MeanBasis or a MacroBasis")
+    return (w["share"] * x).sum(axis=-1, keepdims=True)
+
+
 #: Line on a `MacroBasis` in a composite problem.
 NO_SECOND_FIELD = (
     "a MacroBasis has the displacement alone: for a second field use a basis such as "

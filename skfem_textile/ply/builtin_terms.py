@@ -1,7 +1,8 @@
-"""Terms of bending, and of resistance to folding at corners."""
+"""Terms of bending, and of resistance to folding at corners and out of plane."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -9,15 +10,17 @@ from numpy import ndarray
 from scipy.linalg import expm
 from scipy.sparse import csr_matrix
 from skfem import CellBasis, Mesh, asm
+from skfem.helpers import cross
 
 from ..fabric import Fabric
 from ..forms.in_plane import RESISTING, corner_resistance
+from ..forms.kernels.elements import hourglass_mode
 from ..forms.kernels.kernel import node_pair_blocks
 from ..mesh.bases import CornerBasis, Corners, components
 from ..mesh.selection import FIBRE_ENDS, FibreEnd, Turning
 from ..mesh.user_input import call_user_function, real_numbers, shortened
 from .parameters import NO_VALUES, Values
-from .terms import ElementTerm, MatrixTerm, named_edges
+from .terms import ElementTerm, FormTerm, MatrixTerm, named_edges
 
 # Lower bound of κ relative to the fibre stiffness.  A larger value adds energy where
 # corners close; a smaller one lets them come closer to folding.  One tenth and ten
@@ -80,6 +83,87 @@ class CornerTerm(ElementTerm):
         if not elements.size:
             return None
         return CornerBasis(self._basis, elements, closing)
+
+
+# ε_ijk, of the cross product
+_EPSILON = np.zeros((3, 3, 3))
+_EPSILON[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
+_EPSILON[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
+
+# Cyclic pairs of the vectors y of `OutOfPlane`, and the third.
+_CYCLE = (0, 1, 2), (1, 2, 0), (2, 0, 1)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutOfPlane(FormTerm):
+    """Term of `out_of_plane`, evaluated for all elements at once.
+
+    With γ and ∇h of `hourglass_mode`, the energy of an element is ½ k v², where ``k =
+    C_s Σ_k A/4 |∇h(ξ_k)|²`` and v = (y₁ × y₂)·y₃: y₁ and y₂ are the columns of the
+    deformation gradient at the centre, y₃ = Σ γ_a u_a.  Each y_s = Σ_a B_sa x_a is
+    linear in the nodal positions x_a, because γ maps reference positions to zero.
+
+    Parameters
+    ----------
+    basis
+        The `HourglassBasis` of the forms.
+    C_s
+        Stiffness in N/mm, one for each element, shape (n_elements, 1); if the term has
+        parameters, an upper limit of their ``C_s``.
+    """
+
+    C_s: ndarray
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """Energy in N·mm."""
+        k, _, _, v = self._state(u, p)
+        return 0.5 * float((k * v**2).sum())
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """Nodal forces in N, shape (n_unknowns,)."""
+        k, _, gradients, v = self._state(u, p)
+        f, nodes = np.empty((3, len(u) // 3)), self.nodes.ravel()
+        local = k * v * gradients
+        for i in range(3):
+            f[i] = np.bincount(nodes, local[:, i].ravel(), f.shape[1])
+        return f.T.ravel()
+
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """Blocks of the pairs of nodes of the elements, shape (10, 3, 3, n)."""
+        k, y, gradients, v = self._state(u, p)
+        (a, c), (B, _, _) = np.triu_indices(4), self._undeformed
+        K = np.einsum("n,pin,pjn->pijn", k, gradients[a], gradients[c])
+        across = sum(
+            (B[s, a] * B[t, c] - B[t, a] * B[s, c])[:, None] * y[third]
+            for s, t, third in _CYCLE
+        )
+        K += np.einsum("n,ijk,pkn->pijn", k * v, _EPSILON, across)
+        return K
+
+    def _form_parameters(self, t: float, p: Values) -> dict[str, Any]:
+        C_s = np.minimum(p.get("C_s", np.inf), self.C_s)
+        return {**super()._form_parameters(t, p), "C_s": C_s}
+
+    @cached_property
+    def _undeformed(self) -> tuple[ndarray, ndarray, ndarray]:
+        """B, Σ_k A/4 |∇h(ξ_k)|² at the points, and positions of the nodes."""
+        basis: Any = self.basis
+        at_centre, gamma, slope = hourglass_mode(basis, basis.gradients()[0])
+        B = np.array([*at_centre[..., 0].swapaxes(0, 1), gamma])
+        weight = basis.dx * (slope**2).sum(axis=0)
+        return B, weight, np.pad(basis.mesh.p, ((0, 1), (0, 0)))
+
+    def _state(
+        self, u: ndarray, p: Values
+    ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+        """k, (n,), the y_s, (3, 3, n), ∂v/∂x_a, (4, 3, n), and v, (n,)."""
+        B, weight, X = self._undeformed
+        k = (np.minimum(p.get("C_s", np.inf), self.C_s) * weight).sum(axis=1)
+        x = (X + u.reshape(-1, 3).T)[:, self.nodes]
+        y = np.einsum("san,ian->sin", B, x)
+        d = np.array([cross(y[s], y[t]) for s, t, _ in _CYCLE])
+        gradients = np.einsum("san,sin->ain", B[[2, 0, 1]], d)
+        return k, y, gradients, (y[2] * d[0]).sum(axis=0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,6 @@
 """Formulations: element, integration points and stabilisation."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from numbers import Real
 from typing import Any, ClassVar, TypeAlias, get_args
 
@@ -12,7 +11,6 @@ from skfem import CellBasis, ElementQuad1, ElementTriP1, Mesh
 from .. import declarations as declared
 from .. import forms
 from ..fabric import Fabric
-from ..forms.kernels.kernel import OutOfPlaneKernel
 from ..mesh.bases import (
     CENTRE,
     GAUSS,
@@ -31,8 +29,8 @@ from ..mesh.checks import MeshError, check_mesh
 from ..mesh.selection import SINGULAR
 from ..mesh.splitting import SplitMesh, cut, split, was_split
 from ..mesh.user_input import shortened
+from .builtin_terms import OutOfPlane
 from .parameters import (
-    NO_VALUES,
     AccumulatedMoment,
     HeldDeviation,
     HeldStabilisation,
@@ -152,42 +150,6 @@ def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
     if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
         given = shortened(value)
         raise ValueError(f"{name} must be a finite number >= 0{also}, got {given}")
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class OutOfPlane(FormTerm):
-    """Term of `out_of_plane`, evaluated by its kernel.
-
-    Parameters
-    ----------
-    C_s
-        Stiffness in N/mm, one for each element, shape (n_elements, 1); if the term has
-        parameters, an upper limit of their ``C_s``.
-    """
-
-    C_s: ndarray
-
-    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
-        """See `OutOfPlaneKernel`."""
-        return self._numbers.energy(u, self._stiffness(p))
-
-    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """See `OutOfPlaneKernel`."""
-        return self._numbers.forces(u, self._stiffness(p))
-
-    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """See `OutOfPlaneKernel`."""
-        return self._numbers.matrices(u, self._stiffness(p))
-
-    def _form_parameters(self, t: float, p: Values) -> dict[str, Any]:
-        return {**super()._form_parameters(t, p), "C_s": self._stiffness(p)}
-
-    def _stiffness(self, p: Values) -> ndarray:
-        return np.minimum(p.get("C_s", np.inf), self.C_s)
-
-    @cached_property
-    def _numbers(self) -> OutOfPlaneKernel:
-        return OutOfPlaneKernel(self.basis)
 
 
 def hourglass_terms(

@@ -7,6 +7,7 @@ response, without an element size, except E_d at singular fibres (`layer_stiffne
 """
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, Never, Protocol, TypeAlias, TypeVar
 
@@ -17,9 +18,8 @@ from skfem import CellBasis, asm
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from ..fabric.law import Law, mean_slope
-from ..forms.form import mean
 from ..forms.hourglass import hourglass_rate, rate_increment
-from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers
+from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers, mean
 from ..mesh.scikit_fem import FormExtraParams
 
 T = TypeVar("T")
@@ -295,10 +295,8 @@ class HeldStiffness(TermParameters):
         The tensions are averaged as T/λ, the force conjugate to the stretch: its mean
         equals the value of the law, because deviations cancel.
         """
-        w, element = self._basis.default_parameters(), element_numbers(self._basis)
-        A = self._fabric.directions(np.asarray(w["x"]), element)
+        w, A, fabric, of_means = self._undeformed
         F = kin.deformation_gradient(displacement_gradient(self._basis, u))
-        fabric = self._fabric.at(element)
         angle, law = kin.shear_angle(F, *A), fabric.tensions
         G = mean(w, type(self).of_shear(fabric.shear_law, angle))
         strain = np.array([kin.fibre_strain(F, a) for a in A])
@@ -306,13 +304,21 @@ class HeldStiffness(TermParameters):
         stretch = np.array([kin.stretch(F, a) for a in A])
         mean_stretch = mean(w, stretch)
         if tension is None:
-            of_means = self._fabric.at(element[:, :1]).tensions
-            T = np.array(of_means.value(np.log(mean_stretch)))
+            T = np.array(of_means.tensions.value(np.log(mean_stretch)))
         else:
             T = mean_stretch * mean(w, tension / stretch)
         E = mean(w, np.array(slopes))
         cos_angle = mean(w, np.abs(kin.cos_angle(F, *A)))
         return Values({self.name: self._of(G, E, T, cos_angle)})
+
+    @cached_property
+    def _undeformed(
+        self,
+    ) -> tuple[dict[str, Any], tuple[ndarray, ndarray], Fabric, Fabric]:
+        """Parameters of forms, fibre directions, and laws at points and elements."""
+        w, element = self._basis.default_parameters(), element_numbers(self._basis)
+        A = self._fabric.directions(np.asarray(w["x"]), element)
+        return w, A, self._fabric.at(element), self._fabric.at(element[:, :1])
 
     def _of(self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray) -> ndarray:
         """Stiffness from means over elements.
@@ -393,6 +399,8 @@ class HeldDeviation(HeldStiffness):
 
     def _of(self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray) -> ndarray:
         elsewhere = deviation_stiffness(self._multiple, G, E, T)
+        if not self.layer.any():
+            return elsewhere
         on = layer_stiffness(self.layer, G, E)
         return np.where(self.layer > 0, on, elsewhere)
 

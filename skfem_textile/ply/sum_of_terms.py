@@ -46,7 +46,9 @@ class SumOfTerms(FabricOnBasis):
     """Sum of terms on a basis; base class of `Ply`.
 
     Energies, forces and stiffnesses are pure functions of a displacement ``u``, a load
-    factor ``t`` and the ``parameters`` of the terms, by default those at rest.
+    factor ``t`` and the ``parameters`` of the terms, by default those at rest.  With
+    `OnePoint` of kind ``rate`` they describe a step from the state of the parameters,
+    and the residual is not a derivative of the energy.
     Strains, tensions, angles and directions are evaluated at the points of the basis.
 
     Parameters
@@ -101,12 +103,7 @@ class SumOfTerms(FabricOnBasis):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Terms of fibres, shear, corners and formulation, and further terms.
-
-        With `OnePoint` of kind ``rate`` energy, residual and tangent describe a step
-        from the state of the parameters, and the residual is not a derivative of the
-        energy.
-        """
+        """Terms of fibres, shear, corners and formulation, and further terms."""
         return self._terms
 
     @cached_property
@@ -165,6 +162,11 @@ class SumOfTerms(FabricOnBasis):
             for name, declared in self._declared.items()
         }
         return _changed(parameters, after)
+
+    @cached_property
+    def _at_elements(self) -> Fabric:
+        """The fabric with its laws at the elements."""
+        return self.fabric.at()
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -461,7 +463,7 @@ class SumOfTerms(FabricOnBasis):
         if components(self.basis) == 2:
             return np.empty(0, dtype=int)
         one, other = self.mesh.f2t[:, self.mesh.f2t[1] >= 0]
-        n = self.normals(u)
+        n = self.corners.normals(u)
         sharp = ~((n[:, one] * n[:, other]).sum(axis=0) > 0)
         return np.unique([one[sharp], other[sharp]])
 
@@ -472,7 +474,7 @@ class SumOfTerms(FabricOnBasis):
         """
         strains = self.fibre_strain(u, self.fine_points)
         past = ~np.isfinite(strains).all(axis=(0, 2))
-        law = self.fabric.at().tensions
+        law = self._at_elements.tensions
         pairs = zip(law.slopes(strains).own, law.value(strains), strict=True)
         for slope, tension in pairs:
             past |= (slope < np.abs(tension)).any(axis=1)
@@ -482,12 +484,11 @@ class SumOfTerms(FabricOnBasis):
         """True if every law is evaluated within its domain."""
         if self.fabric.unbounded:
             return True
-        fabric = self.fabric.at()
-        return fabric.in_domain(self.law_strain(u), self.shear_angle(u))
+        return self._at_elements.in_domain(self.law_strain(u), self.shear_angle(u))
 
     def closest_end(self, u: ndarray) -> LawEnd | None:
         """The closest domain end of a law; None if all domains are unbounded."""
-        return self.fabric.at().closest_end(self.law_strain(u), self.shear_angle(u))
+        return self._at_elements.closest_end(self.law_strain(u), self.shear_angle(u))
 
 
 def _changed(before: PlyParameters, after: dict[str, Values]) -> PlyParameters:

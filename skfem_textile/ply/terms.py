@@ -274,7 +274,7 @@ class FormTerm(ElementTerm):
             return ""
         return "its basis is not a basis of the displacement: build it on ply.mesh"
 
-    @property
+    @cached_property
     def nodes(self) -> ndarray:
         """Nodes of the elements of the basis, shape (n_nodes, n_elements)."""
         d = components(self.basis)
@@ -402,11 +402,12 @@ class VectorTerm(Term):
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Potential −g(t) F·u."""
-        return -self._factor_at(t) * float(self.vector @ u)
+        factor = factor_at(f"term {self.name!r}", self.factor, t)
+        return -factor * float(self.vector @ u)
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """−g(t) F."""
-        return -self._factor_at(t) * self.vector
+        return -factor_at(f"term {self.name!r}", self.factor, t) * self.vector
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> None:
         """None: the force does not depend on the displacement."""
@@ -416,9 +417,6 @@ class VectorTerm(Term):
         N = basis.N
         fits = np.shape(self.vector) == (N,) and bool(np.isfinite(self.vector).all())
         return "" if fits else f"its vector must be {N} finite numbers"
-
-    def _factor_at(self, t: float) -> float:
-        return factor_at(f"term {self.name!r}", self.factor, t)
 
 
 def factor_at(owner: str, factor: Factor, t: float) -> float:

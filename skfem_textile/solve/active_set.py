@@ -5,7 +5,8 @@ The contact forces λ of a state are parameters, multipliers of the augmented La
 stiffness, because updates of the forces reduce the penetration to round-off.
 """
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy import ndarray
@@ -38,9 +39,21 @@ _FIRST_SHIFT, _LEAST_SHIFT, _LARGEST_SHIFT = 1e-4, 1e-20, 1e40
 _FIRST_GROWTH, _GROWTH, _DECREASE = 100.0, 8.0, 3.0
 
 
-def is_set(problem: Problem, parameters: PlyParameters) -> bool:
-    """True if contact stiffnesses have been assigned."""
-    return all(parameters[x.name]["stiffness"].any() for x in problem.contacts)
+def values(problem: Problem, parameters: PlyParameters, key: str) -> ndarray:
+    """Values of each tool under a key, ``force`` or ``stiffness``.
+
+    Shape (n_tools, n_nodes).
+    """
+    return np.array([parameters[x.name][key] for x in problem.contacts])
+
+
+def with_values(
+    problem: Problem, parameters: PlyParameters, key: str, new: ndarray
+) -> PlyParameters:
+    """Parameters with other ``values``."""
+    tools = zip(problem.contacts, new, strict=True)
+    changed = {x.name: Values({**parameters[x.name], key: of}) for x, of in tools}
+    return Frozen({**parameters, **changed})
 
 
 def with_stiffness(
@@ -54,40 +67,13 @@ def with_stiffness(
     ply, bare = problem.ply, without(problem, parameters)
     blocks = ply.stiffness(u, problem.load_factor, bare, tension)
     largest = np.linalg.eigvalsh(blocks[ply.pattern.diagonal])[:, -1].mean()
-    stiffness = {
-        x.name: np.full_like(parameters[x.name]["stiffness"], largest)
-        for x in problem.contacts
-    }
-    return with_values(parameters, "stiffness", stiffness)
-
-
-def with_values(
-    parameters: PlyParameters, key: str, values: dict[str, ndarray]
-) -> PlyParameters:
-    """Parameters with other values under a key, by name of the tool."""
-    changed = {k: Values({**parameters[k], key: x}) for k, x in values.items()}
-    return Frozen({**parameters, **changed})
+    every = np.full((len(problem.contacts), len(ply.pattern.diagonal)), largest)
+    return with_values(problem, parameters, "stiffness", every)
 
 
 def of_tools(problem: Problem, parameters: PlyParameters) -> dict[str, Values]:
     """Parameters of the contact with tools, by name."""
     return {x.name: parameters[x.name] for x in problem.contacts}
-
-
-def forces(problem: Problem, parameters: PlyParameters) -> dict[str, ndarray]:
-    """Contact forces λ by name of the tool, shape (n_nodes,)."""
-    return {x.name: parameters[x.name]["force"] for x in problem.contacts}
-
-
-def error(problem: Problem, u: ndarray, parameters: PlyParameters) -> float:
-    """Largest violation in mm: penetration, or force at an open gap over stiffness."""
-    worst = 0.0
-    for tool in problem.contacts:
-        p = parameters[tool.name]
-        force = tool.forces(u, problem.load_factor, p)
-        off = np.abs(force - p["force"]) / np.maximum(p["stiffness"], TINY)
-        worst = max(worst, float(off.max()))
-    return worst
 
 
 def without(problem: Problem, parameters: PlyParameters) -> PlyParameters:
@@ -98,11 +84,25 @@ def without(problem: Problem, parameters: PlyParameters) -> PlyParameters:
 
 def frictional(problem: Problem, parameters: PlyParameters) -> PlyParameters:
     """Parameters without normal contact with tools, but with their friction."""
-    none = {
-        x.name: np.zeros_like(parameters[x.name]["force"]) for x in problem.contacts
-    }
-    parameters = with_values(parameters, "force", none)
-    return with_values(parameters, "stiffness", none)
+    none = np.zeros_like(values(problem, parameters, "force"))
+    parameters = with_values(problem, parameters, "force", none)
+    return with_values(problem, parameters, "stiffness", none)
+
+
+def is_closed(problem: Problem, u: ndarray, parameters: PlyParameters) -> bool:
+    """True if gaps and contact forces satisfy the contact conditions.
+
+    Their violation, penetration or force at an open gap over stiffness, is at most
+    `CLOSED` of the size of the ply.
+    """
+    most = CLOSED * float(np.ptp(problem.nodes, axis=1).max())
+    for tool in problem.contacts:
+        p = parameters[tool.name]
+        force = tool.forces(u, problem.load_factor, p)
+        off = np.abs(force - p["force"]) / np.maximum(p["stiffness"], TINY)
+        if not p["stiffness"].any() or off.max() > most:
+            return False
+    return True
 
 
 def resultants(
@@ -139,6 +139,7 @@ class Relaxed:
         return before + self.share * self.change
 
 
+@dataclass
 class ActiveSet(Direction):
     """Newton direction under contact constraints with linearised gaps.
 
@@ -157,64 +158,55 @@ class ActiveSet(Direction):
         The problem.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        super().__init__(problem)
-        self._nodes = problem.ply.pattern.diagonal
-        self._last_shift = 0.0
-        self._relaxed = Relaxed()
+    _last_shift: float = 0.0
+    _relaxed: Relaxed = field(default_factory=Relaxed)
 
     def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment, with a contact stiffness."""
-        problem, u, p = self._problem, start.u, start.parameters
+        problem, u, p = self.problem, start.u, start.parameters
         tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
-        if not is_set(problem, p):
+        if not values(problem, p, "stiffness").any(axis=1).all():
             p = with_stiffness(problem, u, p, tension)
-        return Iterate(u, problem.residual(u, p), p, tension, forces(problem, p))
+        forces = values(problem, p, "force")
+        return Iterate(u, problem.residual(u, p), p, tension, forces)
 
     def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
         """Increment with the contact forces after it."""
-        problem, t, p = self._problem, self._problem.load_factor, at.parameters
-        f, K, far = *self._without_contact(at), at.unbalanced(problem) > NEAR
-        u = at.u
-        gaps = [
-            _LinearGap(
-                *(x.points, x.gaps(u, t), x.normals(u, t)),
-                *(p[x.name], at.contact_forces[x.name]),
-            )
-            for x in problem.contacts
-        ]
-        shift, projected = 0.0, False
+        problem, u = self.problem, at.u
+        f, K = self._without_contact(at)
+        gaps = _LinearGaps.at(problem, at)
+        unit = gaps.kappa[0, 0] * np.eye(3)
+        far, projected, shift = at.unbalanced(problem) > NEAR, False, 0.0
         accepted = _ACCEPTED * problem.unbalanced(at.f, u)
         for _ in range(_MOST_SOLVES):
-            force = f + sum(gap.residual() for gap in gaps)
-            tangent = self._definite(u, K, gaps, shift)
-            if tangent is None and far and not projected:
-                K, projected = self._projected(at), True
-                tangent = self._definite(u, K, gaps, shift)
+            tangent, (force, touching) = None, gaps.active(problem)
+            if far and not projected:
+                tangent, _ = self._definite(u, K + touching, unit, shift, shift)
+                if tangent is None:
+                    K, projected = self._projected(at), True
             if tangent is None:
-                tangent, shift = self._shifted(u, K, gaps, shift)
-            du = tangent.increment(force, u, fixed_values)
-            if max(gap.moved(problem.nodal(du)) for gap in gaps) <= accepted:
+                tangent, shift = self._definite(u, K + touching, unit, shift)
+            if tangent is None:
+                raise NoEquilibriumError(
+                    "no shift of the tangent makes it positive definite"
+                )
+            du = tangent.increment(f + force, u, fixed_values)
+            if gaps.moved(problem.nodal(du)) <= accepted:
                 break
         assert tangent
         self._last_shift = shift or self._last_shift
         tangent.projected = projected or shift > 0
-        names = [tool.name for tool in problem.contacts]
-        after = {x: gap.force for x, gap in zip(names, gaps, strict=True)}
-        return Increment(du, tangent, du, after)
+        return Increment(du, tangent, du, gaps.force)
 
     def after(self, at: Iterate, increment: Increment) -> Iterate:
         """The iterate after an increment, with contact forces by the same share."""
-        problem, du, tangent = self._problem, increment.du, increment.tangent
+        problem, du, tangent = self.problem, increment.du, increment.tangent
         whole = float(np.linalg.norm(increment.whole))
         share = float(np.linalg.norm(du)) / max(whole, TINY)
         tension = problem.ply.geometric_tension(at.u, du, at.parameters)
-        u = problem.moved(at.u, du)
-        moved = {
-            name: force + share * (increment.contact_forces[name] - force)
-            for name, force in forces(problem, at.parameters).items()
-        }
-        p = with_values(at.parameters, "force", moved)
+        u, before = problem.moved(at.u, du), values(problem, at.parameters, "force")
+        moved = before + share * (increment.contact_forces - before)
+        p = with_values(problem, at.parameters, "force", moved)
         p = self._with_friction(p, at.u, u)
         at = Iterate(u, problem.residual(u, p), p, tension, increment.contact_forces)
         tangent.projected &= at.unbalanced(problem) <= NEAR
@@ -224,7 +216,7 @@ class ActiveSet(Direction):
         self, parameters: PlyParameters, u: ndarray, after: ndarray
     ) -> PlyParameters:
         """Parameters with the friction after an increment from u."""
-        problem, t = self._problem, self._problem.load_factor
+        problem, t = self.problem, self.problem.load_factor
         changed = {
             x.name: x.friction.predicted(parameters[x.name], u, after - u, t)
             for x in problem.rubbing
@@ -244,92 +236,98 @@ class ActiveSet(Direction):
 
     def _without_contact(self, at: Iterate) -> tuple[ndarray, ndarray]:
         """Nodal forces without tools, and stiffness less λ∇²g."""
-        problem, (u, f, p, tension, forces, _) = self._problem, at
+        problem, (u, f, p, tension, forces, _) = self.problem, at
         t, rest = problem.load_factor, frictional(problem, p)
         arguments = u, t, rest, tension
         K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
-        for tool in problem.contacts:
+        for tool, force in zip(problem.contacts, forces, strict=True):
             f = f - tool.residual(u, t, p[tool.name])
             f = f + tool.residual(u, t, rest[tool.name])
-            K = problem.curved(u, K, tool, forces[tool.name])
+            K = problem.curved(u, K, tool, force)
         return f, K
 
     def _projected(self, at: Iterate) -> ndarray:
         """Stiffness without tools and compressive tensions, of projected elements."""
         assert at.tension is not None  # `first` sets it
-        problem, p = self._problem, frictional(self._problem, at.parameters)
+        problem, p = self.problem, frictional(self.problem, at.parameters)
         arguments = at.u, problem.load_factor, p, np.maximum(at.tension, 0.0), True
         return problem.clock.time("assembly", problem.ply.stiffness, *arguments)
 
     def _definite(
-        self, u: ndarray, K: ndarray, gaps: "list[_LinearGap]", shift: float
-    ) -> Tangent | None:
-        """Tangent with a shift relative to κ; None if it is not positive definite."""
-        every = np.arange(len(self._nodes))
-        stiffness = sum(gap.stiffness() for gap in gaps)
-        blocks = K + self._problem.at_points(np.asarray(stiffness), every)
-        blocks[self._nodes] += shift * gaps[0].kappa * np.eye(3)
-        try:
-            tangent = Tangent(self._problem, u, blocks)
-        except NoEquilibriumError:  # it is singular
-            return None
-        return tangent if tangent.definite else None
+        self,
+        u: ndarray,
+        blocks: ndarray,
+        unit: ndarray,
+        shift: float,
+        most: float = _LARGEST_SHIFT,
+    ) -> tuple[Tangent | None, float]:
+        """Positive definite tangent with the smallest shift, and the shift.
 
-    def _shifted(
-        self, u: ndarray, K: ndarray, gaps: "list[_LinearGap]", shift: float
-    ) -> tuple[Tangent, float]:
-        """Tangent with a larger shift that makes it positive definite, and the shift.
-
-        Raises a `NoEquilibriumError` if there is none.
+        The shift is relative to the stiffness ``unit``, shape (3, 3), of each node; it
+        grows from ``shift`` to at most ``most``.  None if there is no such tangent.
         """
-        last = self._last_shift
-        while shift <= _LARGEST_SHIFT:
+        nodes, last = self.problem.ply.pattern.diagonal, self._last_shift
+        while shift <= most:
+            shifted = blocks.copy()
+            shifted[nodes] += shift * unit
+            with suppress(NoEquilibriumError):  # it is singular
+                tangent = Tangent(self.problem, u, shifted)
+                if tangent.definite:
+                    return tangent, shift
             if shift:
                 shift *= _GROWTH if last else _FIRST_GROWTH
             else:
                 shift = max(last / _DECREASE, _LEAST_SHIFT) if last else _FIRST_SHIFT
-            if tangent := self._definite(u, K, gaps, shift):
-                return tangent, shift
-        raise NoEquilibriumError("no shift of the tangent makes it positive definite")
+        return None, shift
 
 
 @dataclass
-class _LinearGap:
-    """Linearised gap g + n·PΔu of all nodes, with λ, κ, and forces max(λ − κ g, 0).
+class _LinearGaps:
+    """Linearised gaps g + n·PΔu of all tools, with λ, κ, and forces max(λ − κ g, 0).
 
-    Shapes (n_nodes,), (3, n_nodes) of the normals, and (n_nodes, n_nodes) of the
-    matrix P to the contact points.
+    Shapes (n_tools, n_nodes), (n_tools, 3, n_nodes) of the normals, (n_tools, 1) of κ,
+    and (n_nodes, n_nodes) of the matrix P to the contact points.
     """
 
     points: csr_matrix
     gap: ndarray
     normal: ndarray
-    p: Values
+    multiplier: ndarray
+    kappa: ndarray
     force: ndarray
 
-    @property
-    def kappa(self) -> float:
-        """Contact stiffness in N/mm."""
-        return float(self.p["stiffness"].max())
+    @classmethod
+    def at(cls, problem: Problem, at: Iterate) -> "_LinearGaps":
+        """Gaps at an iterate."""
+        tools, state = problem.contacts, (at.u, problem.load_factor)
+        kappa = values(problem, at.parameters, "stiffness").max(axis=1, keepdims=True)
+        return cls(
+            tools[0].points,
+            np.array([x.gaps(*state) for x in tools]),
+            np.array([x.normals(*state) for x in tools]),
+            *(values(problem, at.parameters, "force"), kappa, at.contact_forces),
+        )
 
-    def residual(self) -> ndarray:
-        """Nodal forces −(λ − κ g) n of the active nodes."""
-        force = np.where(self.force > 0, self.p["force"] - self.kappa * self.gap, 0.0)
-        return np.ravel(self.points.T @ -(force * self.normal).T)
+    def active(self, problem: Problem) -> tuple[ndarray, ndarray]:
+        """Nodal forces −(λ − κ g) n of the active nodes, and their tangent κ n nᵀ.
 
-    def stiffness(self) -> ndarray:
-        """Contact stiffness κ n nᵀ, reduced at open gaps, shape (n_nodes, 3, 3)."""
+        The stiffness is reduced at open gaps.
+        """
+        touches, n = self.force > 0, self.normal
+        force = np.where(touches, self.multiplier - self.kappa * self.gap, 0.0)
+        nodal = sum(self.points.T @ -(x * m).T for x, m in zip(force, n, strict=True))
         of_gap = np.where(np.isfinite(self.gap), STIFFNESS_OF_GAP, 0.0)
-        kappa = self.kappa * np.where(self.force > 0, 1.0, of_gap)
-        return np.asarray((kappa * self.normal[:, None] * self.normal).T)
+        kappa = (self.kappa * np.where(touches, 1.0, of_gap))[:, None, None]
+        stiffness = (kappa * n[:, :, None] * n[:, None]).sum(axis=0).T
+        return np.ravel(nodal), problem.at_points(stiffness, np.arange(n.shape[2]))
 
     def moved(self, du: ndarray) -> float:
         """Update forces after an increment (3, n_nodes).
 
         Returns the largest force of a node that touches or leaves, in N.
         """
-        moved = (self.points @ du.T).T
-        before, gap = self.force > 0, self.gap + (self.normal * moved).sum(axis=0)
-        force = self.p["force"] - self.kappa * gap
+        before, moved = self.force > 0, (self.points @ du.T).T
+        gap = self.gap + (self.normal * moved).sum(axis=1)
+        force = self.multiplier - self.kappa * gap
         self.force = np.maximum(force, 0.0)
         return float(np.abs(force[before != (force > 0)]).max(initial=0.0))

@@ -7,7 +7,6 @@ tool or surface by 2/3 of the depth of the centre of the deepest element at each
 the change of the state, from its tangent, estimates the error of contact.
 """
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -41,13 +40,12 @@ class Response(NamedTuple):
     after
         Change of the nodal forces of supports, in N.
     pushed
-        Distance in mm by which each tool pushes nodes outwards, shape (n_nodes,), by
-        name.
+        Distance in mm by which each tool pushes nodes outwards, (n_tools, n_nodes).
     """
 
     motion: ndarray
     after: ndarray
-    pushed: dict[str, ndarray]
+    pushed: ndarray
 
 
 def pushed_out(problem: Problem, tangent: Tangent, state: State) -> Response:
@@ -55,12 +53,8 @@ def pushed_out(problem: Problem, tangent: Tangent, state: State) -> Response:
     ply, u, t = problem.ply, state.u, state.load_factor
     elements, n_nodes = ply.basis.element_dofs[::3] // 3, len(u) // 3
     centres = element_centres(ply, ply.positions(u))
-    depths = {
-        tool.name: _mean_depth(
-            np.maximum(-tool.gaps_at(centres, t), 0.0), elements, n_nodes
-        )
-        for tool in problem.contacts
-    }
+    inside = [np.maximum(-x.gaps_at(centres, t), 0.0) for x in problem.contacts]
+    depths = np.array([_mean_depth(depth, elements, n_nodes) for depth in inside])
     motion = np.zeros_like(u)
     if problem.surfaces:
         away = problem.surfaces.distances(centres, elements, t)
@@ -74,32 +68,28 @@ def response(
     state: State,
     forces: ndarray,
     motion: ndarray | float = 0.0,
-    depths: Mapping[str, ndarray] | None = None,
+    depths: ndarray | float = 0.0,
 ) -> Response:
     """Linear response of a state to nodal forces and motions.
 
-    Nodes that touch a tool move off it by its depth, shape (n_nodes,), or along it.
+    Nodes that touch a tool move off it by its depth, shape (n_tools, n_nodes), or along
+    it.
     """
-    u, t, at = state.u, state.load_factor, problem.contacts
-    stiffness = {x.name: state.parameters[x.name]["stiffness"] for x in at}
-    normals = {x.name: x.normals(u, t) for x in at}
-    points = {x.name: x.points for x in at}
-    touch = {x.name: x.forces(u, t, state.parameters[x.name]) > 0 for x in at}
-    rest = np.zeros(len(u) // len(problem.nodal(u)))
-    target = {name: (depths or {}).get(name, rest) * on for name, on in touch.items()}
-    pushed = target
-    for _ in range(_UPDATES if at else 1):
-        of_tools = sum(
-            np.ravel(points[name].T @ (stiffness[name] * far * normals[name]).T)
-            for name, far in pushed.items()
-        )
+    u, t, p, tools = state.u, state.load_factor, state.parameters, problem.contacts
+    touch = np.array([x.forces(u, t, p[x.name]) > 0 for x in tools])
+    if not tools:
+        moved, after = tangent.response(motion + 0.0 * u, forces)
+        return Response(moved, after, touch)
+    normals, points = np.array([x.normals(u, t) for x in tools]), tools[0].points
+    stiffness = active_set.values(problem, p, "stiffness")
+    pushed = target = depths * touch
+    for _ in range(_UPDATES):
+        on_points = (stiffness * pushed)[:, None] * normals
+        of_tools = np.ravel(sum(points.T @ force.T for force in on_points))
         moved, after = tangent.response(motion + 0.0 * u, forces - of_tools)
         found = Response(moved, after, pushed)
-        off = {
-            k: (n * (points[k] @ problem.nodal(moved).T).T).sum(axis=0)
-            for k, n in normals.items()
-        }
-        pushed = {k: x + (target[k] - off[k]) * touch[k] for k, x in pushed.items()}
+        off = (normals * (points @ problem.nodal(moved).T).T).sum(axis=1)
+        pushed = pushed + (target - off) * touch
     return found
 
 
@@ -156,11 +146,11 @@ def changes_of_tools(
     ends = []
     for h in (-STEP, STEP):
         u, p = state.u + h * response.motion, state.parameters
-        forces = {
-            name: p[name]["force"] + h * (p[name]["stiffness"] * pushed)
-            for name, pushed in response.pushed.items()
-        }
-        p = active_set.with_values(p, "force", forces)
+        force, kappa = (
+            active_set.values(problem, p, k) for k in ("force", "stiffness")
+        )
+        moved = force + h * (kappa * response.pushed)
+        p = active_set.with_values(problem, p, "force", moved)
         of_tools = active_set.resultants(problem, u, p)
         ends.append((work_of_tools(problem, u, p), of_tools))
     (work, before), (work_after, after) = ends

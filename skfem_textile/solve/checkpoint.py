@@ -245,7 +245,7 @@ class Checkpoint:
         the parameters at rest.
         """
         ply, constraints = self._ply, self._constraints
-        turn = constraints.turn
+        turn, surfaces = constraints.turn, constraints.surfaces
         fabric = ply.fabric.at()
         warp, weft, shear = fabric.laws
         entries = {
@@ -272,7 +272,7 @@ class Checkpoint:
             "fixed values": np.array(
                 [constraints.fixed_values(t) for t in load_factors]
             ),
-            "surfaces": constraints.surfaces.levels(1.0),
+            "surfaces": np.empty(0) if surfaces is None else surfaces.levels(1.0),
         }
         probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
         for t in _PROBED if ply.follows_load_factor else (1.0,):
@@ -349,7 +349,7 @@ class Replay:
         Raises an error if they disagree.  Counters and residuals are not compared,
         because they depend on the iterations.
         """
-        problem, (u, f, *_) = trial.problem, trial.equilibrium
+        problem, u, f = trial.problem, trial.u, trial.f
         if not problem.is_fixed(u, fixed_values):
             raise ValueError(
                 "its displacement does not satisfy the conditions at its load factor"

@@ -220,7 +220,7 @@ class Constraints:
     prescribed
         Numbers of the (rotated) unknowns fixed by displacement conditions.
     surfaces
-        Nodes on surfaces.
+        Nodes on surfaces; None if there are none.
     fixed, free
         Numbers of the fixed unknowns, including those normal to surfaces, and of the
         free ones.
@@ -280,8 +280,10 @@ class Constraints:
                 "Ply(..., dimension=3)"
             )
         geometry = self._X, self.turn, self.prescribed
-        self.surfaces = SurfaceNodes(on, acting, *geometry)
-        self.fixed = np.union1d(self.prescribed, self.surfaces.eliminated)
+        self.surfaces = SurfaceNodes(on, acting, *geometry) if on else None
+        self.fixed = self.prescribed
+        if self.surfaces:
+            self.fixed = np.union1d(self.prescribed, self.surfaces.eliminated)
         self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
 
     def _resolve(self, basis: CellBasis, direction: ndarray) -> None:
@@ -352,7 +354,8 @@ class Constraints:
         Raises an error if two conditions prescribe different displacements of a node or
         if a surface cannot grow.
         """
-        self.surfaces.check(t)
+        if self.surfaces:
+            self.surfaces.check(t)
         values = np.zeros(len(self.prescribed))
         if self._normal is None:
             return values
@@ -463,7 +466,8 @@ def reactions(
     u, t
         Displacement and load factor, on which the normals of surfaces depend.
     """
-    on_surfaces = constraints.surfaces.fixed_directions(u, t)
+    surfaces = constraints.surfaces
+    on_surfaces = surfaces.fixed_directions(u, t) if surfaces else []
     fixed = [*constraints.fixed_directions, *on_surfaces]
     d, n_nodes = forces.shape
     sums = np.zeros((n_nodes, d, d))

@@ -251,21 +251,20 @@ def loads_drive(
     u: ndarray,
     parameters: PlyParameters,
     energies: dict[str, float],
-    moved: bool,
 ) -> bool:
     """True if growing loads drive the ply, also together with prescribed motions.
 
     The problem is at the load factor of a state with displacement, parameters and
-    energies by term; ``moved`` is the result of `moves`.
+    energies by term.
     """
     ply, t = problem.ply, problem.load_factor
     if not problem.loaded:
         return False
     if not t:  # no displacement yet, so no work to compare
-        return not moved
+        return not problem.moves
     parameters = active_set.without(problem, parameters)
     growth = ply.load(u, t, parameters) - ply.load(u, 0.0, parameters)
-    if not moved:
+    if not problem.moves:
         return bool(growth.any())
     return bool(np.abs(growth * u).sum() > _DRIVES * abs(sum(energies.values())))
 
@@ -303,6 +302,7 @@ def surface_predictor(problem: Problem, start: Evaluation) -> Evaluation:
     Returns the initial guess itself if no surface grows, or if carrying it folds the
     ply or leaves the domain of a law.
     """
+    assert problem.surfaces
     u = problem.surfaces.carried(start.u, start.load_factor, problem.load_factor)
     if u is None:
         return start

@@ -1,6 +1,7 @@
 """Iterates, and directions of increments; between tools see `active_set.ActiveSet`."""
 
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -39,8 +40,8 @@ class Iterate(NamedTuple):
         Fibre tensions that the last increment predicts, for the geometric stiffness;
         None before the first one.
     contact_forces
-        Contact forces λ that it predicts: of nodes on surfaces, shape (n,), or by name
-        of the tool, each of shape (n_nodes,).
+        Contact forces λ that it predicts: of nodes on surfaces, shape (n_nodes,), or of
+        tools, shape (n_tools, n_nodes).
     tangent
         Tangent of the next increment, if it is known; at equilibrium the consistent
         one, None if it is singular.
@@ -63,8 +64,8 @@ class Iterate(NamedTuple):
 
     def unbalanced(self, problem: Problem) -> float:
         """Largest free nodal force relative to the largest nodal or contact force."""
-        of_tools = self.contact_forces.values() if problem.contacts else ()
-        largest = max(float(np.abs(x).max(initial=TINY)) for x in (self.f, *of_tools))
+        forces = (self.f, self.contact_forces) if problem.contacts else (self.f,)
+        largest = max(float(np.abs(x).max(initial=TINY)) for x in forces)
         return problem.unbalanced(self.f, self.u) / largest
 
 
@@ -80,7 +81,7 @@ class Increment(NamedTuple):
     whole
         The solution itself, of which ``du`` is a share.
     contact_forces
-        Contact forces after it to first order, by name of the tool.
+        Contact forces of tools after it to first order, shape (n_tools, n_nodes).
     """
 
     du: ndarray
@@ -89,6 +90,7 @@ class Increment(NamedTuple):
     contact_forces: Any = None
 
 
+@dataclass
 class Direction:
     """Newton direction with the consistent tangent; base of the other directions.
 
@@ -98,12 +100,11 @@ class Direction:
         The problem.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self._problem = problem
+    problem: Problem
 
     def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment."""
-        problem, u, p = self._problem, start.u, start.parameters
+        problem, u, p = self.problem, start.u, start.parameters
         # Surfaces move with the load factor.
         tangent = None if problem.surfaces else start.tangent
         return Iterate(u, problem.residual(u, p), p, tangent=tangent)
@@ -119,16 +120,16 @@ class Direction:
 
     def after(self, at: Iterate, increment: Increment) -> Iterate:
         """The iterate after an increment."""
-        return self.beside(at, self._problem.moved(at.u, increment.du))
+        return self.beside(at, self.problem.moved(at.u, increment.du))
 
     def beside(self, at: Iterate, u: ndarray) -> Iterate:
         """An iterate at another displacement, with the same parameters."""
-        f = self._problem.residual(u, at.parameters)
+        f = self.problem.residual(u, at.parameters)
         return at._replace(u=u, f=f, tangent=None)
 
     def tangent(self, at: Iterate) -> Any:
         """Tangent of the next increment; None if the increment itself determines it."""
-        return Tangent.at(self._problem, at.u, at.parameters)
+        return Tangent.at(self.problem, at.u, at.parameters)
 
 
 class Definite(Direction):
@@ -136,7 +137,7 @@ class Definite(Direction):
 
     def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment."""
-        problem, u = self._problem, start.u
+        problem, u = self.problem, start.u
         tangent, p = _first_tangent(problem, start)
         changed = problem.surfaces or problem.ply.follows_load_factor
         f = problem.residual(u, p) if changed else start.f
@@ -145,12 +146,12 @@ class Definite(Direction):
     def beside(self, at: Iterate, u: ndarray) -> Iterate:
         """An iterate at another displacement, with the tensions there."""
         du = np.zeros_like(u)
-        tension = self._problem.ply.geometric_tension(u, du, at.parameters)
+        tension = self.problem.ply.geometric_tension(u, du, at.parameters)
         return super().beside(at, u)._replace(tension=tension)
 
     def after(self, at: Iterate, increment: Increment) -> Iterate:
         """The iterate after an increment, with the tensions that it predicts."""
-        problem, p, du = self._problem, at.parameters, increment.du
+        problem, p, du = self.problem, at.parameters, increment.du
         tension = problem.ply.geometric_tension(at.u, du, p)
         u, forces = problem.moved(at.u, du), increment.tangent.contact_forces(at.f, du)
         return Iterate(u, problem.residual(u, p), p, tension, forces)
@@ -159,7 +160,7 @@ class Definite(Direction):
         """Tangent of the next increment."""
         assert at.tension is not None  # the first iterate has its tangent
         values = at.u, at.parameters, at.tension, at.contact_forces
-        return definite(self._problem, *values)
+        return definite(self.problem, *values)
 
 
 def _first_tangent(

@@ -78,24 +78,10 @@ class Method(Protocol):
         """Maximum number of iterations before the line search."""
         ...
 
-    def solve(
-        self,
-        problem: Problem,
-        start: Evaluation,
-        fixed_values: ndarray,
-        most_projected: float,
-        report: Report,
-    ) -> Equilibrium:
+    def solve(self, attempt: "Attempt", start: Evaluation) -> Equilibrium:
         """Balance the forces and bring the fixed unknowns to their values.
 
-        Parameters
-        ----------
-        problem, start, fixed_values
-            Problem, initial guess, and values of the fixed unknowns.
-        most_projected
-            Maximum number of projected tangents.
-        report
-            Called after each iteration.
+        ``start`` is the initial guess.
 
         Raises
         ------
@@ -105,28 +91,8 @@ class Method(Protocol):
         ...
 
 
-class _Iterative:
-    """Base of the nonlinear solvers, which implement `_last`."""
-
-    def solve(
-        self,
-        problem: Problem,
-        start: Evaluation,
-        fixed_values: ndarray,
-        most_projected: float,
-        report: Report,
-    ) -> Equilibrium:
-        """See `Method`."""
-        progress = _Progress(problem, fixed_values, most_projected, report)
-        return progress.equilibrium(self._last(progress, start))
-
-    def _last(self, progress: "_Progress", start: Evaluation) -> Iterate:
-        """The last iterate."""
-        raise NotImplementedError
-
-
 @dataclass(frozen=True)
-class Newton(_Iterative):
+class Newton:
     """Mixed-integration-point Newton with a positive definite tangent.
 
     The geometric stiffness contains the fibre tensions that the previous iteration
@@ -170,21 +136,22 @@ class Newton(_Iterative):
     name: ClassVar[str] = "newton"
     follows_path: ClassVar[bool] = True
 
-    def _last(self, progress: "_Progress", start: Evaluation) -> Iterate:
-        problem = progress.problem
-        follows = progress.most_projected < np.inf and not problem.contacts
+    def solve(self, attempt: "Attempt", start: Evaluation) -> Equilibrium:
+        """See `Method`."""
+        problem = attempt.problem
+        follows = attempt.most_projected < np.inf and not problem.contacts
         if not follows:
-            progress.most_projected = np.inf
+            attempt.most_projected = np.inf
         direction = (active_set.ActiveSet if problem.contacts else Definite)(problem)
         at = direction.first(start)
         for stage in self._stages(problem, start.keeps_parameters):
-            if progress.residuals and at.unstable and not follows:
+            if attempt.residuals and at.unstable and not follows:
                 motion = self.imperfection * problem.element_size * at.tangent.softest()
                 at = direction.beside(at, problem.moved(at.u, motion))
-            at = iterate(progress, at, direction, *stage)
-            if progress.is_balanced and (follows or not at.unstable):
+            at = iterate(attempt, at, direction, *stage)
+            if attempt.is_balanced and (follows or not at.unstable):
                 break
-        return at
+        return attempt.equilibrium(at)
 
     def _stages(
         self, problem: Problem, keeps_parameters: bool
@@ -207,7 +174,7 @@ class Newton(_Iterative):
 
 
 @dataclass(frozen=True)
-class PlainNewton(_Iterative):
+class PlainNewton:
     """Newton's method with the consistent tangent, for small steps.
 
     Parameters
@@ -220,10 +187,12 @@ class PlainNewton(_Iterative):
     name: ClassVar[str] = "plain"
     follows_path: ClassVar[bool] = False
 
-    def _last(self, progress: "_Progress", start: Evaluation) -> Iterate:
-        direction, whole = Direction(progress.problem), Whole(progress.problem)
+    def solve(self, attempt: "Attempt", start: Evaluation) -> Equilibrium:
+        """See `Method`."""
+        direction, whole = Direction(attempt.problem), Whole(attempt.problem)
         at = direction.first(start)
-        return iterate(progress, at, direction, whole, unchanged, self.most)
+        at = iterate(attempt, at, direction, whole, unchanged, self.most)
+        return attempt.equilibrium(at)
 
 
 #: Nonlinear solvers by name.
@@ -231,8 +200,26 @@ METHODS: dict[str, Method] = {x.name: x for x in (Newton(), PlainNewton())}
 
 
 @dataclass
-class _Progress:
-    """Residuals and convergence of an iteration; arguments of `Method.solve`."""
+class Attempt:
+    """Attempt of a nonlinear solver: its target, residuals and convergence.
+
+    Attributes
+    ----------
+    problem, fixed_values
+        Problem, and values of the fixed unknowns.
+    most_projected
+        Maximum number of projected tangents.
+    report
+        Called after each iteration.
+    residuals, tolerance
+        Largest free nodal force in N after each iteration, and its last tolerance.
+    projected
+        Number of projected tangents.
+    is_balanced
+        True if the last iteration has converged.
+    tangent
+        Tangent of the last increment.
+    """
 
     problem: Problem
     fixed_values: ndarray
@@ -293,7 +280,7 @@ class _Progress:
 
 
 def iterate(
-    progress: _Progress,
+    attempt: Attempt,
     at: Iterate,
     direction: Direction,
     globalisation: Whole,
@@ -306,11 +293,11 @@ def iterate(
     increment.
     """
     for _ in range(most):
-        increment = direction.increment(at, progress.fixed_values)
+        increment = direction.increment(at, attempt.fixed_values)
         at, increment = globalisation(at, increment)
         at = update(direction.after(at, increment))
-        if progress.record(increment.tangent, at):
-            tangent = tangent_at(progress.problem, at.u, at.parameters)
+        if attempt.record(increment.tangent, at):
+            tangent = tangent_at(attempt.problem, at.u, at.parameters)
             return at._replace(tangent=tangent)
     return at._replace(tangent=direction.tangent(at))
 

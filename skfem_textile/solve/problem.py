@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
-from ..ply.parameters import Frozen, PlyParameters
+from ..ply.parameters import PlyParameters
 from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from .conditions import Constraints, plain, reactions, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
@@ -52,8 +52,8 @@ OPPOSITE = -0.5
 _OVER_ROUND_OFF = 0.1
 
 #: Round-off of a stretch, in units of the round-off of a number: with one unit,
-#: macro-elements under a small load never converge (`pytest tests/solve/stepper -k
-#: round_off`).
+#: macro-elements under a small load take more than four times as many solves (`pytest
+#: -m slow tests/solve/test_equilibrium.py -k round_off`).
 ROUNDINGS = 4
 
 #: Advice for a ply that nothing stops.
@@ -121,13 +121,14 @@ class Problem:
     in_space
         True if the displacement has three components.
     surfaces
-        Nodes on surfaces.
+        Nodes on surfaces; None if there are none.
     loaded, line_search
         True if there are loads, or a term with a ``line_search``, respectively.
     moves
         True if supports, surfaces or tools move after the load factor 0.
-    contacts, rubbing
-        Terms of contact with tools, and of tools and holders with friction.
+    contacts, rubbing, balancing
+        Terms of contact with tools, tools and holders with friction, and self-balancing
+        loads.
 
     Raises
     ------
@@ -153,6 +154,7 @@ class Problem:
         for term in ply.terms:
             if reason := getattr(term, "unsupported", lambda _: "")(constraints):
                 raise ValueError(f"load {term.name!r}: {reason}")
+        self.balancing = [term for term in ply.terms if term.balances]
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
         self.rubbing: list[Any] = [x for x in ply.terms if getattr(x, "friction", None)]
@@ -217,7 +219,7 @@ class Problem:
         far, t = np.abs(u).max(initial=0.0), self.load_factor
         size = self._size + np.abs(fixed_values).max(initial=0.0)
         size += sum(np.linalg.norm(x.travel(t)) for x in self.contacts)
-        if far > _FAR * size:
+        if self.surfaces and far > _FAR * size:
             size += self.surfaces.farthest(t)
         return bool(not far <= _FAR * size)
 
@@ -280,6 +282,8 @@ class Problem:
 
         None if they are the same.  The unknowns of nodes on a surface rotate with it.
         """
+        if self.surfaces is None:
+            return self.constraints.turn
         return self.surfaces.turn(u, self.load_factor)
 
     def moved(self, u: ndarray, du: ndarray) -> ndarray:
@@ -287,7 +291,8 @@ class Problem:
 
         Raises an error if the projection of a node fails.
         """
-        return self.surfaces.onto(u + du, self.load_factor)
+        u = u + du
+        return self.surfaces.onto(u, self.load_factor) if self.surfaces else u
 
     def motions_of_supports(self, u: ndarray) -> ndarray:
         """Unit motion of each prescribed unknown, along the surfaces of its node.
@@ -298,7 +303,9 @@ class Problem:
         units = np.zeros((len(prescribed), len(u)))
         units[np.arange(len(prescribed)), prescribed] = 1.0
         t, motions = self.load_factor, [plain(unit, turn) for unit in units]
-        return np.array([self.surfaces.motion(u, t, x, along=True) for x in motions])
+        if self.surfaces:
+            motions = [self.surfaces.motion(u, t, x, along=True) for x in motions]
+        return np.array(motions)
 
     def unfixed(self, f: ndarray, u: ndarray) -> ndarray:
         """Project a DOF vector onto the free directions at ``u``."""
@@ -336,8 +343,11 @@ class Problem:
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
         size = np.abs(u).max(initial=0.0) + np.abs(self.nodes).max()
         size *= constraints.rounding
-        reached = bool((np.abs(off) <= 8 * EPSILON * size).all())
-        return reached and self.surfaces.are_on(u, self.load_factor)
+        reached, surfaces = (
+            bool((np.abs(off) <= 8 * EPSILON * size).all()),
+            self.surfaces,
+        )
+        return reached and (not surfaces or surfaces.are_on(u, self.load_factor))
 
     def in_domain(self, u: ndarray, parameters: PlyParameters) -> bool:
         """True if every law is defined at ``u`` and has a finite energy."""
@@ -351,7 +361,7 @@ class Problem:
         On a surface, an element is inverted if it faces opposite to most elements.
         """
         ply, ratio = self.ply, self.ply.least_area_ratio(u)
-        if not self.surfaces:
+        if self.surfaces is None:
             return ratio
         elements = ply.basis.element_dofs[:: self._dimension] // self._dimension
         arguments = u, self.load_factor, elements, ply.normals(u)
@@ -361,11 +371,11 @@ class Problem:
         self,
         u: ndarray,
         blocks: ndarray,
-        constraint: ContactTerm | SurfaceNodes,
+        constraint: ContactTerm | SurfaceNodes | None,
         forces: ndarray | float | None,
     ) -> ndarray:
         """Tangent blocks less λ∇²g, with contact forces λ of shape (n_nodes,)."""
-        if forces is None or not np.any(forces):
+        if constraint is None or forces is None or not np.any(forces):
             return blocks
         nodes = np.flatnonzero(forces)
         curvatures = constraint.curvatures(u, self.load_factor, nodes)
@@ -391,23 +401,6 @@ class Problem:
         forces = self.nodal(u)
         dof = len(forces) * np.linalg.norm(forces, axis=0).argmax()
         return np.flatnonzero((self.ply.basis.element_dofs == dof).any(axis=0))
-
-
-def balanced(
-    problem: Problem, u: ndarray, f: ndarray, parameters: PlyParameters, tangent: Any
-) -> PlyParameters:
-    """Parameters with self-balancing loads adjusted so that reactions vanish.
-
-    A reaction is the work of the nodal forces ``f`` over the linear response to a unit
-    displacement of its prescribed unknown.
-    """
-    changed = [term for term in problem.ply.terms if term.balances]
-    if not changed:
-        return parameters
-    motions = tangent.motions()
-    work = motions @ f
-    values = {x.name: x.balanced(parameters[x.name], motions, work) for x in changed}
-    return Frozen({**parameters, **values})
 
 
 class Tangent:

@@ -15,8 +15,8 @@ from . import active_set
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import solver_named
-from .newton import LESS_ROUNDING, METHODS, SETTLED, Damped, Method
-from .problem import HOLD, Evaluation, Problem, Tangent, balanced
+from .newton import LESS_ROUNDING, METHODS, SETTLED, Attempt, Damped, Method
+from .problem import HOLD, Evaluation, Problem, Tangent
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
 from .verdict import CHECKS, Trial
 
@@ -75,24 +75,6 @@ class Target(NamedTuple):
     propping: ndarray | float = 0.0
 
 
-class AcceptedEquilibrium(NamedTuple):
-    """State that passes all acceptance checks.
-
-    Attributes
-    ----------
-    trial
-        The checked equilibrium.
-    projected
-        Largest number of projected tangents in the iterations that led to it.
-    converged
-        True if updating the parameters at the state leaves it unchanged.
-    """
-
-    trial: Trial
-    projected: int
-    converged: bool
-
-
 @dataclass(frozen=True)
 class EquilibriumSearch:
     """Nonlinear solver with acceptance checks.
@@ -119,7 +101,7 @@ class EquilibriumSearch:
                 "tools: use the method 'newton'"
             )
 
-    def __call__(self, target: Target) -> AcceptedEquilibrium:
+    def __call__(self, target: Target) -> Trial:
         """State that passes all checks, with converged parameters where possible.
 
         Parameters that would change the state are updated, and equilibrium is restored.
@@ -129,39 +111,41 @@ class EquilibriumSearch:
         """
         found, damped = self._first(target), Damped()
         most = min(target.most_projected, MOST_PROJECTED)
-        limit = _limit_of_change(self.problem)
+        limit = _SETTLED_BETWEEN_TOOLS if self.problem.contacts else SETTLED
         target = target._replace(most_projected=most)
         for _ in range(_MOST_UPDATES):
-            trial = found.trial
-            problem, (u, f, p, *_, tangent) = trial.problem, trial.equilibrium
-            balance, closed = _balances(trial), _is_closed(trial)
+            problem, u, p = found.problem, found.u, found.parameters
+            balance = not problem.balancing or _balances(found)
+            closed = active_set.is_closed(problem, u, p)
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
-                    change = 0.0 if after is p else _change(trial, after)
+                    change = 0.0 if after is p else _change(found, after, limit)
                     converged = damped.converges(change, limit)
                     if converged and balance and closed:
-                        return found._replace(converged=True)
+                        found.converged = True
+                        return found
                     if not converged:
                         of_tools = active_set.of_tools(problem, after)
                         after = Frozen({**damped(p, after, change), **of_tools})
                     if not balance:
-                        after = balanced(problem, u, f, after, tangent)
-                    start = problem.evaluation(u, after, tangent)
+                        after = _balanced(found, after)
+                    start = problem.evaluation(u, after, found.tangent)
                     start = replace(start, keeps_parameters=True)
                 again = self._first(target._replace(start=start))
             except NoEquilibriumError:
                 if not closed:
                     raise
                 break
-            found = again._replace(projected=max(found.projected, again.projected))
-        if not _is_closed(found.trial):
+            again.projected = max(found.projected, again.projected)
+            found = again
+        if not active_set.is_closed(found.problem, found.u, found.parameters):
             raise NoEquilibriumError(
                 "the contact forces do not converge", advice="more steps"
             )
         return found
 
-    def at_rest(self, start: Evaluation, values: ndarray) -> AcceptedEquilibrium:
+    def at_rest(self, start: Evaluation, values: ndarray) -> Trial:
         """State at load factor 0 of a ply that is not in equilibrium when undeformed.
 
         Unbalanced forces at rest, such as a constant weight, are first compensated and
@@ -193,23 +177,13 @@ class EquilibriumSearch:
                 continue
             projected = max(projected, found.projected)
             if share == 1.0:
-                return found._replace(projected=projected)
-            last = found.trial.next_start()
+                found.projected = projected
+                return found
+            last = found.next_start()
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
 
-    def driven(
-        self,
-        problem: Problem,
-        u: ndarray,
-        parameters: PlyParameters,
-        energies: dict[str, float],
-    ) -> bool:
-        """True if the load path is followed and growing loads drive the ply."""
-        state = u, parameters, energies
-        return self.method.follows_path and loads_drive(problem, *state, problem.moves)
-
-    def _first(self, target: Target) -> AcceptedEquilibrium:
+    def _first(self, target: Target) -> Trial:
         """Equilibrium, with the initial parameters, that passes all checks.
 
         If loads drive the path, the ply may jump to another equilibrium; the work check
@@ -219,13 +193,14 @@ class EquilibriumSearch:
         problem, method = self.problem.at(t, propping), self.method
         try:
             with np.errstate(all="ignore"):  # what is not finite is caught
-                equilibrium = method.solve(
-                    *(problem, start, values, most),
+                attempt = Attempt(
+                    *(problem, values, most),
                     lambda *done: self.report(Iteration(t, step, method.name, *done)),
                 )
-                trial = Trial.of(problem, equilibrium, before)
-                u, _, p, *_ = equilibrium
-                driven = self.driven(problem, u, p, trial.energies)
+                trial = Trial.of(problem, method.solve(attempt, start), before)
+                driven = method.follows_path and loads_drive(
+                    *(problem, trial.u, trial.parameters, trial.energies)
+                )
                 trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:
             at_rest = not t and failure.advice not in (LESS_ROUNDING, HOLD)
@@ -235,50 +210,47 @@ class EquilibriumSearch:
                 _AT_REST if at_rest else failure.advice,
                 failure.quantity,
             ) from None
-        return AcceptedEquilibrium(trial, equilibrium.projected, False)
+        return trial
 
 
 def _balances(trial: Trial) -> bool:
     """False if a self-balancing load leaves support reactions."""
-    problem, (u, f, p, *_) = trial.problem, trial.equilibrium
-    tangent = trial.equilibrium.tangent
-    if tangent is None or not any(term.balances for term in problem.ply.terms):
+    problem, u, f, p = trial.problem, trial.u, trial.f, trial.parameters
+    if trial.tangent is None:
         return True
     allowed = _IN_BALANCE * np.abs(problem.load(u, p)).sum()
     return bool(np.abs(problem.motions_of_supports(u) @ f).max() <= allowed)
 
 
-def _is_closed(trial: Trial) -> bool:
-    """True if gaps and contact forces satisfy the contact conditions."""
-    problem, (u, _, p, *_) = trial.problem, trial.equilibrium
-    if not problem.contacts:
-        return True
-    if not active_set.is_set(problem, p):
-        return False
-    size = float(np.ptp(problem.nodes, axis=1).max())
-    return active_set.error(problem, u, p) <= active_set.CLOSED * size
+def _balanced(trial: Trial, parameters: PlyParameters) -> PlyParameters:
+    """Parameters with self-balancing loads adjusted so that reactions vanish.
+
+    A reaction is the work of the nodal forces over the linear response to a unit
+    displacement of its prescribed unknown.
+    """
+    motions, values = trial.tangent.motions(), {}
+    work = motions @ trial.f
+    for term in trial.problem.balancing:
+        p = parameters[term.name]
+        values[term.name] = term.balanced(p, motions, work)
+    return Frozen({**parameters, **values})
 
 
-def _limit_of_change(problem: Problem) -> float:
-    """Change of energy and reactions up to which the parameters are settled."""
-    return _SETTLED_BETWEEN_TOOLS if problem.contacts else SETTLED
-
-
-def _change(trial: Trial, parameters: PlyParameters) -> float:
+def _change(trial: Trial, parameters: PlyParameters, limit: float) -> float:
     """Change of an equilibrium by an update of its parameters.
 
-    It is the larger relative change of energy and forces, to first order;
-    zero if within the tolerance of the equilibrium.
+    It is the larger relative change of energy and forces, to first order; zero if
+    within the tolerance of the equilibrium, or certainly below a limit.
     """
-    problem, (u, f, *_) = trial.problem, trial.equilibrium
-    tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent
+    problem, u, f = trial.problem, trial.u, trial.f
+    tolerance, tangent = trial.tolerance, trial.tangent
     start = problem.evaluation(u, parameters, tangent)
     if not np.isfinite(start.f).all():
         raise NoEquilibriumError("the parameters of a term are not finite")
     if problem.unbalanced(start.f, u) <= tolerance:
         return 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
-    limit, largest = _limit_of_change(problem), _largest_force(trial)
+    largest = _largest_force(trial)
     if abs(end - before) <= limit * abs(before) and (
         np.abs(start.f - f).sum() <= _CERTAINLY * limit * largest
     ):
@@ -291,8 +263,8 @@ def _change_to_balance(trial: Trial, start: Evaluation) -> float:
 
     To first order, at the same displacement; infinite if the tangent is singular.
     """
-    problem, (u, f, *_) = trial.problem, trial.equilibrium
-    tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent
+    problem, u, f = trial.problem, trial.u, trial.f
+    tolerance, tangent = trial.tolerance, trial.tangent
     if tangent is None or tangent.negative_pivots is None:
         return np.inf
     before, end = (sum(x.energies.values()) for x in (trial, start))
@@ -309,7 +281,7 @@ def _change_to_balance(trial: Trial, start: Evaluation) -> float:
 
 def _largest_force(trial: Trial) -> float:
     """Largest force of a condition or tool in N."""
-    problem, (u, f, p, *_) = trial.problem, trial.equilibrium
+    problem, u, f, p = trial.problem, trial.u, trial.f, trial.parameters
     of_tools = (force for force, _ in active_set.resultants(problem, u, p).values())
     forces = *problem.forces(f).values(), *of_tools
     return max(float(np.linalg.norm(force)) for force in forces)
@@ -380,7 +352,7 @@ def equilibrium_near(
     )
     values = constraints.fixed_values(load_factor)
     found = search(Target(load_factor, 0.0, values, start, None))
-    return found.trial.state(problem.clock.solves)
+    return found.state(problem.clock.solves)
 
 
 def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]:
@@ -409,7 +381,8 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
     in_balance = fixed and residual <= tolerance
     if fixed and p is not at_rest and np.isfinite(f).all():
         change = _change_to_balance(trial, problem.evaluation(u, p, tangent))
-        in_balance = change <= _limit_of_change(problem)
+        limit = _SETTLED_BETWEEN_TOOLS if problem.contacts else SETTLED
+        in_balance = change <= limit
     if not in_balance:
         cause = f"the largest free nodal force is {residual:.3g} N"
         if not fixed:

@@ -67,12 +67,20 @@ class UserError(CopiedError):
         super().__init__(message)
 
 
-class Equilibrium(NamedTuple):
+@dataclass(eq=False)
+class Equilibrium:
     """Converged iteration, with its convergence history.
 
-    ``parameters`` are the parameters of the terms with which the forces balance,
-    ``projected`` is the number of projected tangents, and ``tangent`` is the consistent
-    tangent, None if it is singular.
+    Attributes
+    ----------
+    u, f, parameters
+        Displacement, nodal forces, and parameters of the terms with which they balance.
+    residuals, tolerance
+        Largest free nodal force in N after each iteration, and tolerance of the last.
+    projected
+        Number of projected tangents.
+    tangent
+        The consistent tangent; None if it is singular.
     """
 
     u: ndarray

@@ -22,6 +22,7 @@ from .continuation import (
     Continuation,
     balanced_at_rest,
     load_growth,
+    loads_drive,
     moves,
     path_warning,
     surface_predictor,
@@ -31,7 +32,7 @@ from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
 from .result import UNCHANGING, Result, StepError
-from .search import AcceptedEquilibrium, EquilibriumSearch, Target, method_of
+from .search import EquilibriumSearch, Target, method_of
 from .states import (
     CheckpointError,
     Equilibrium,
@@ -298,6 +299,7 @@ class Run:
         if not self.states:
             raise RuntimeError("the load stepper has not been run: call run()")
         stepper, clock = self._stepper, self.problem.clock
+        surfaces = self.problem.surfaces
         chosen: Any = self.problem.system.solver
         return Result(
             ply=self.problem.ply,
@@ -312,7 +314,7 @@ class Run:
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
             solver=chosen.choice,
-            surfaces=self.problem.surfaces.conditions,
+            surfaces=surfaces.conditions if surfaces else {},
             interval=partial(stepper.interval, chosen.choice.name),
         )
 
@@ -361,12 +363,11 @@ class Run:
         if not (saved := checkpoint.load(replay)):
             return False
         self.states, self.continuation = saved.states, saved.progress.continuation
-        end = replay.last.equilibrium
-        tangent = tangent_at(replay.last.problem, end.u, end.parameters)
-        replay.last.equilibrium = end._replace(tangent=tangent)
-        self._start = replay.last.next_start()
+        last = replay.last
+        last.tangent = tangent_at(last.problem, last.u, last.parameters)
+        self._start = last.next_start()
         # The checkpoint already includes the time of that tangent.
-        problem.clock = replay.last.problem.clock = saved.progress.clock
+        problem.clock = last.problem.clock = saved.progress.clock
         self._began -= saved.progress.elapsed
         log.info("resumed at load factor %g", self.states[-1].load_factor)
         return True
@@ -396,7 +397,7 @@ class Run:
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f, p) if tangent else 0.0
         undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
-        trial = Trial(problem, undeformed, None, energies, potentials)
+        trial = Trial.of(problem, undeformed, None)
         state, values = trial.state(0), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
@@ -411,7 +412,7 @@ class Run:
         if not (easy and settled):
             self.continuation.mark(0.0)
         self.states = []
-        self._append(state, found.trial)
+        self._append(state, found)
 
     def _reach(self, u: ndarray) -> None:
         """Find the equilibrium at the load factor 1 near a displacement."""
@@ -428,15 +429,16 @@ class Run:
         state, settled = self._reached(found)
         if not settled:
             self.continuation.mark(1.0)
-        self._append(state, found.trial)
+        self._append(state, found)
 
     def _step(self, t_end: float) -> None:
         """Take a step towards a requested load factor, or prepare a shorter one."""
         last, start, problem = self.states[-1], self._start, self.problem
         t = self.continuation.end(last.load_factor, t_end)
         step = t - last.load_factor
-        evaluated = start.u, start.parameters, start.energies
-        driven = self._search.driven(problem.at(start.load_factor), *evaluated)
+        driven = self._search.method.follows_path and loads_drive(
+            problem.at(start.load_factor), start.u, start.parameters, start.energies
+        )
         try:
             values = problem.constraints.fixed_values(t)
             # The factors of loads are user functions.
@@ -444,7 +446,7 @@ class Run:
         except ValueError as error:
             raise self._stopped(error) from None
         most_projected = self.continuation.most_projected(step, t, driven)
-        guess = surface_predictor(problem.at(t), start)
+        guess = surface_predictor(problem.at(t), start) if problem.surfaces else start
         try:
             found = self._search(Target(t, step, values, guess, start, most_projected))
         except NoEquilibriumError as failure:
@@ -460,17 +462,17 @@ class Run:
         if problem.contacts:  # more steps do not resolve a path
             settled, projected = settled and not projected, 0
         if self.continuation.accepts(step, state, projected, settled):
-            self._append(state, found.trial)
+            self._append(state, found)
         else:
             log.info(
                 "the step to load factor %g was difficult and is repeated as two steps",
                 t,
             )
 
-    def _reached(self, found: AcceptedEquilibrium) -> tuple[State, bool]:
+    def _reached(self, found: Trial) -> tuple[State, bool]:
         """The state, and whether it is independent of the number of steps."""
         before = sum(state.linear_solves for state in self.states)
-        state = found.trial.state(self.problem.clock.solves - before)
+        state = found.state(self.problem.clock.solves - before)
         return state, found.converged and not self._depends_on_steps(state)
 
     def _jumps(self, state: State) -> bool:

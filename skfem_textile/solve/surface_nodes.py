@@ -55,10 +55,9 @@ class _Values(NamedTuple):
 
 
 class SurfaceNodes:
-    """Nodes constrained to surfaces by conditions; False if there are none.
+    """Nodes constrained to surfaces by conditions.
 
-    Contact forces and curvatures are defined as in `ContactTerm`.  Without nodes, the
-    methods return their arguments.
+    Contact forces and curvatures are defined as in `ContactTerm`.
 
     Parameters
     ----------
@@ -94,12 +93,9 @@ class SurfaceNodes:
         turn: csr_matrix | None,
         prescribed: ndarray,
     ) -> None:
-        self.conditions, self._linear_turn = dict(conditions), turn
-        self.nodes = self.eliminated = np.empty(0, dtype=int)
+        self.conditions = dict(conditions)
         self._parts: list[tuple[str, OnSurface, ndarray]] = []
         self._X = np.pad(X, ((0, 1), (0, 0)))
-        if not conditions:
-            return
         n_nodes = X.shape[1]
         every = identity(3 * n_nodes, format="csr") if turn is None else turn
         self._frames = every.tobsr((3, 3)).data
@@ -129,9 +125,6 @@ class SurfaceNodes:
         self._last: _Values | None = None
         self._turn: csr_matrix | None = None
         self._laid: dict[float, ndarray] = {}
-
-    def __bool__(self) -> bool:
-        return bool(self._parts)
 
     def check(self, t: float) -> None:
         """Refuse surfaces that cannot grow out of the plane of the ply."""
@@ -167,8 +160,6 @@ class SurfaceNodes:
         self, u: ndarray, t: float
     ) -> list[tuple[str, ndarray, ndarray]]:
         """See `Constraints.fixed_directions`: the normals of each condition."""
-        if not self:
-            return []
         normals = np.full(self._X.shape, np.nan)
         normals[:, self.nodes] = self._at(u, t).normals
         return [(name, nodes, normals[:, nodes]) for name, _, nodes in self._parts]
@@ -187,10 +178,8 @@ class SurfaceNodes:
         curvatures[..., self.nodes] /= self._at(u, t).slope
         return curvatures[..., nodes]
 
-    def turn(self, u: ndarray, t: float) -> csr_matrix | None:
+    def turn(self, u: ndarray, t: float) -> csr_matrix:
         """Matrix from the unknowns, of which ``eliminated`` are normal to surfaces."""
-        if not self:
-            return self._linear_turn
         values = self._at(u, t)
         if self._turn is None:
             frames, nodes = self._frames.copy(), self.nodes
@@ -212,8 +201,6 @@ class SurfaceNodes:
 
         If ``along``, they move along surfaces.
         """
-        if not self:
-            return du
         at, moved, nodes = self._at(u, t), du.reshape(-1, 3).T.copy(), self.nodes
         missing = (at.gradient * moved[:, nodes]).sum(axis=0)
         missing += 0.0 if along else at.level
@@ -222,8 +209,6 @@ class SurfaceNodes:
 
     def onto(self, u: ndarray, t: float) -> ndarray:
         """Displacement with nodes projected onto surfaces; an error if this fails."""
-        if not self:
-            return u
         x, first = self._positions(u), 0
         for (_, condition, _), (surface, nodes) in zip(
             self._parts, self._surfaces(t), strict=True
@@ -254,9 +239,9 @@ class SurfaceNodes:
         """Displacement carried from the surface at one load factor to that at another.
 
         Each node moves by the difference of the ends of its geodesics on the two
-        surfaces.  None if geodesics do not reach every node, or without surfaces.
+        surfaces.  None if geodesics do not reach every node.
         """
-        if not self or self._parts[0][1].where is not None:
+        if self._parts[0][1].where is not None:
             return None
         name, condition, _ = self._parts[0]
         X, touch = self._X[:2], condition.touch

@@ -71,28 +71,30 @@ _GAP = 0.125
 _FOLDED_UP = -1.0
 
 
-@dataclass(eq=False)
-class Trial:
+@dataclass(eq=False, kw_only=True)
+class Trial(Equilibrium):
     """Equilibrium to be checked.
 
     Attributes
     ----------
-    problem, equilibrium
-        Problem and equilibrium.
+    problem
+        The problem.
     start
         Last accepted state; None for a state before loading.
     energies, potentials
         Energy of the equilibrium in N·mm by term, and potentials of the loads.
     warnings
         Messages of failed checks that only warn, by name.
+    converged
+        True if updating the parameters at the equilibrium leaves it unchanged.
     """
 
     problem: Problem
-    equilibrium: Equilibrium
     start: Evaluation | None
     energies: dict[str, float]
     potentials: dict[str, float]
     warnings: dict[str, str] = field(default_factory=dict)
+    converged: bool = False
 
     @classmethod
     def of(
@@ -103,25 +105,30 @@ class Trial:
         energies, potentials = problem.energies(u, p)
         if start and not all(p[k].same_as(x) for k, x in start.parameters.items()):
             start = problem.at(start.load_factor).evaluation(start.u, p)
-        return cls(problem, equilibrium, start, energies, potentials)
+        return cls(
+            **vars(equilibrium),
+            problem=problem,
+            start=start,
+            energies=energies,
+            potentials=potentials,
+        )
 
     @cached_property
     def move(self) -> ndarray:
         """Displacement in the step, shape (n_unknowns,); zero without a ``start``."""
-        u = self.equilibrium.u
-        return u - self.start.u if self.start else np.zeros_like(u)
+        return self.u - self.start.u if self.start else np.zeros_like(self.u)
 
     @property
     def waits_for_tools(self) -> bool:
         """True if the ply is still undeformed, because no tool has reached it."""
         size = float(np.ptp(self.problem.nodes, axis=1).max())
-        moved = np.abs(self.equilibrium.u).max(initial=0.0)
+        moved = np.abs(self.u).max(initial=0.0)
         return bool(self.problem.contacts and moved <= active_set.CLOSED * size)
 
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest area ratio of each element at its nodes and the fine points."""
-        return self.problem.area_ratio(self.equilibrium.u)
+        return self.problem.area_ratio(self.u)
 
     @cached_property
     def works(self) -> tuple[float, float]:
@@ -129,11 +136,10 @@ class Trial:
 
         These are the internal forces, which balance reactions and loads.
         """
-        start, end = self.start, self.equilibrium
-        if start is None:
+        if self.start is None:
             return 0.0, 0.0
-        load = self.problem.load(end.u, end.parameters)
-        before, after = start.f + start.load, end.f + load
+        load = self.problem.load(self.u, self.parameters)
+        before, after = self.start.f + self.start.load, self.f + load
         return float(before @ self.move), float(after @ self.move)
 
     @cached_property
@@ -143,13 +149,13 @@ class Trial:
         A total is the sum of the magnitudes of its parts (for a reaction, at each of
         its nodes), and at least the error due to the tolerance of the equilibrium.
         """
-        problem, (u, _, parameters, *_) = self.problem, self.equilibrium
-        state = u, problem.load_factor, parameters
+        problem, u = self.problem, self.u
+        state = u, problem.load_factor, self.parameters
         parts = problem.clock.time("assembly", problem.ply.parts, *state)
         roles, *columns = zip(*parts, strict=True)
         energies, forces = map(np.array, columns)
         work = (forces * self.move).sum(axis=1)
-        force = self.equilibrium.tolerance
+        force = self.tolerance
         # Parts of each total, shape (n_parts, n_components, n_nodes), and its lower
         # bound.
         wholes = {
@@ -182,9 +188,9 @@ class Trial:
                     advice="a smaller load, or a law that is finite there",
                 )
         self._refuse_passed()
-        if not self.problem.in_domain(self.equilibrium.u, self.equilibrium.parameters):
+        if not self.problem.in_domain(self.u, self.parameters):
             raise self.problem.beyond(
-                *(self.equilibrium.u, "a law is evaluated outside its domain"),
+                *(self.u, "a law is evaluated outside its domain"),
                 "a smaller load, or a law that is defined there",
             )
         checks = (
@@ -198,7 +204,7 @@ class Trial:
 
     def _refuse_passed(self) -> None:
         """Refuse a ply that passed through a tool in the step."""
-        problem, start, u = self.problem, self.start, self.equilibrium.u
+        problem, start, u = self.problem, self.start, self.u
         if start is None:
             return
         for tool in problem.contacts:
@@ -212,28 +218,28 @@ class Trial:
 
     def next_start(self) -> Evaluation:
         """Evaluation from which the next step starts, with advanced parameters."""
-        problem, (u, f, parameters, *_) = self.problem, self.equilibrium
+        problem, u, p, tangent = self.problem, self.u, self.parameters, self.tangent
         t = problem.load_factor
-        advanced = problem.ply.advanced(parameters, u, t)
-        if advanced is not parameters:
-            return problem.evaluation(u, advanced, self.equilibrium.tangent)
-        load, tangent = problem.load(u, parameters), self.equilibrium.tangent
-        return Evaluation(t, u, f, load, self.energies, parameters, tangent)
+        advanced = problem.ply.advanced(p, u, t)
+        if advanced is not p:
+            return problem.evaluation(u, advanced, tangent)
+        load = problem.load(u, p)
+        return Evaluation(t, u, self.f, load, self.energies, p, tangent)
 
     def state(self, linear_solves: int) -> State:
         """The state, after a number of linear solves since the previous one."""
-        problem, equilibrium = self.problem, self.equilibrium
-        ply, u, tangent = problem.ply, equilibrium.u, equilibrium.tangent
+        problem, u, tangent = self.problem, self.u, self.tangent
+        ply = problem.ply
         u.flags.writeable = False  # the run continues from it
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
-        tools = active_set.resultants(problem, u, equilibrium.parameters)
+        tools = active_set.resultants(problem, u, self.parameters)
         pushed = {name: force for name, (force, _) in tools.items()}
         return State(
             load_factor=problem.load_factor,
             u=u,
-            reactions=problem.reactions(equilibrium.f, u) | pushed,
-            forces=problem.forces(equilibrium.f) | pushed,
+            reactions=problem.reactions(self.f, u) | pushed,
+            forces=problem.forces(self.f) | pushed,
             displacements={name: moved[:, n].mean(axis=1) for name, n in nodes}
             | {name: travel for name, (_, travel) in tools.items()},
             energies=dict(self.energies),
@@ -247,9 +253,9 @@ class Trial:
                 work=0.5 * sum(self.works),
             ),
             linear_solves=linear_solves,
-            residuals=equilibrium.residuals,
-            tolerance=equilibrium.tolerance,
-            parameters=equilibrium.parameters,
+            residuals=self.residuals,
+            tolerance=self.tolerance,
+            parameters=self.parameters,
             warnings=dict(self.warnings),
         )
 
@@ -260,7 +266,7 @@ _Failures: TypeAlias = Iterator[tuple[str, NoEquilibriumError]]
 
 def _element_checks(trial: Trial) -> _Failures:
     """Folded elements, creases between neighbours, and excessive fibre strain."""
-    ply, u, ratio = trial.problem.ply, trial.equilibrium.u, trial.area_ratio
+    ply, u, ratio = trial.problem.ply, trial.u, trial.area_ratio
     folded = np.flatnonzero(~(ratio > 0))
     if folded.size:
         error = NoEquilibriumError(
@@ -294,7 +300,7 @@ def _element_checks(trial: Trial) -> _Failures:
 
 def _slack_check(trial: Trial) -> _Failures:
     """Fibres without resistance to compression that shorten to a fraction."""
-    strain = trial.problem.ply.law_strain(trial.equilibrium.u).min(axis=(0, 2))
+    strain = trial.problem.ply.law_strain(trial.u).min(axis=(0, 2))
     short = np.flatnonzero(strain < _FOLDED_UP)
     if short.size:
         error = NoEquilibriumError(
@@ -314,7 +320,7 @@ def _energy_checks(trial: Trial) -> _Failures:
     Both are computed for the motion alone, at a fixed load factor, because the energy
     may also change with the load factor.
     """
-    problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start
+    problem, tangent, start = trial.problem, trial.tangent, trial.start
     if tangent is None or tangent.negative_pivots is None:
         if not trial.waits_for_tools:
             advice = HOLD if problem.contacts else _STIFFER
@@ -337,7 +343,7 @@ def _energy_checks(trial: Trial) -> _Failures:
     rise = sum(trial.energies.values()) - sum(before.values())
     low, high = sorted(works)
     margin = _MISSED_WORK * max(abs(low), abs(high), abs(rise))
-    margin += trial.equilibrium.tolerance * float(np.abs(trial.move).sum())
+    margin += trial.tolerance * float(np.abs(trial.move).sum())
     off = max(low - rise, rise - high) - margin
     if not off <= 0 and not off <= _round_off(trial):
         error = NoEquilibriumError(
@@ -356,9 +362,8 @@ def _round_off(trial: Trial) -> float:
     less energy than this work.  The quadratic energy of bending has the round-off of
     nodal forces times the displacement, even of a rigid motion.
     """
-    problem, (u, f, parameters, *_) = trial.problem, trial.equilibrium
-    tangent = trial.equilibrium.tangent
-    forces = problem.nodal(f + problem.load(u, parameters))
+    problem, u, tangent = trial.problem, trial.u, trial.tangent
+    forces = problem.nodal(trial.f + problem.load(u, trial.parameters))
     x = problem.nodal(u).copy()
     x[:2] += problem.nodes
     x -= x.mean(axis=1, keepdims=True)
@@ -374,7 +379,7 @@ def _discretisation_checks(trial: Trial) -> _Failures:
         if "shear" in trial.energies
         else "the fabric has no shear stiffness, so specify one"
     )
-    supports = _point_supports(trial.problem, trial.equilibrium.u)
+    supports = _point_supports(trial.problem, trial.u)
     for role, beginning in _ROLES.items():
         if carried := excess(trial.shares, role, supports):
             yield role, NoEquilibriumError(f"{beginning} {carried}: {cure}")
@@ -394,7 +399,7 @@ def _surface_check(trial: Trial) -> _Failures:
     if not problem.surfaces:
         return
     try:
-        gaps = problem.surfaces.gaps(trial.equilibrium.u, problem.load_factor, basis)
+        gaps = problem.surfaces.gaps(trial.u, problem.load_factor, basis)
     except NoEquilibriumError as failure:  # raised by a user's surface
         yield "surface", failure
         return
@@ -423,7 +428,9 @@ def _point_supports(problem: Problem, u: ndarray) -> list[str]:
     constraints = problem.constraints
     values = np.abs(turned(u, constraints.turn)[constraints.prescribed])
     moved = constraints.prescribed[values > _ROUND_OFF * np.abs(u).max(initial=0.0)]
-    moved_nodes = np.setdiff1d(moved // len(problem.nodal(u)), problem.surfaces.nodes)
+    moved_nodes = moved // len(problem.nodal(u))
+    if problem.surfaces:
+        moved_nodes = np.setdiff1d(moved_nodes, problem.surfaces.nodes)
     return [
         name
         for name, nodes in constraints.nodes.items()

@@ -7,7 +7,7 @@ from skfem_textile import CrimpToe, Linear
 from skfem_textile.cli.options import TESTS
 from skfem_textile.fabric.files import read_law
 from skfem_textile.io import read_fabric
-from tests.helpers.command_line import fit, run, summary_in
+from tests.helpers.command_line import fit, rejected, run, summary_in
 from tests.helpers.curves import (
     BIAS,
     BIAXIAL,
@@ -171,3 +171,11 @@ def test_the_help_lists_every_law():
             tension = flag == "--tension-law" or test in ("strip", "biaxial")
             names = TENSION_LAWS if tension else SHEAR_LAWS
             assert all(name in options[flag]["help"] for name in names)
+
+
+@pytest.mark.parametrize("across", [0, 3])
+def test_a_simulation_needs_an_even_number_of_elements(across, tmp_path, capsys):
+    data = shear_file(tmp_path / "0.csv")
+    words = f"{data} {SIZES} --simulate {across} --out {tmp_path / 'out'}"
+    line = rejected(capsys, "fit", "bias-extension", *words.split())
+    assert "--simulate: the number of elements across must be even" in line

@@ -244,6 +244,12 @@ def test_forces_of_tools_that_return_are_along_their_longest_travel():
     assert tool_forces(result)["wall"] == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_ply_without_tools_has_no_tool_forces():
+    ply = square(n=1)
+    with pytest.raises(ValueError, match="no tools or holders"):
+        tool_forces(result_of(ply, ply.basis.zeros()))
+
+
 def test_summary_of_a_formed_ply(hemisphere):
     figures = formed(hemisphere)
     state = hemisphere.states[-1]

@@ -1,6 +1,6 @@
 """Nonlinear examples of scikit-fem with forms of a fabric in place of theirs.
 
-Examples 36, 43 and 51 of scikit-fem 12 have a displacement as their unknown.  Each test
+Examples 36 and 51 of scikit-fem 12 have a displacement as their unknown.  Each test
 repeats the structure of one of them in its own words: the bases, the loop and the way
 to solve.  What differs besides the forms is named.  Equilibrium is the same as with a
 load stepper.

@@ -18,10 +18,10 @@ def pulled(value, **fabric):
 class ShortSteps(Newton):
     """Fails where the conditions move by more than 0.2, or late in the run."""
 
-    def solve(self, problem, start, fixed_values, *others):
-        if fixed_values.max() - np.abs(start.u).max() > 0.2:
+    def solve(self, attempt, start):
+        if attempt.fixed_values.max() - np.abs(start.u).max() > 0.2:
             raise NoEquilibriumError("too long")
-        return super().solve(problem, start, fixed_values, *others)
+        return super().solve(attempt, start)
 
 
 def load_factors(result):

@@ -31,8 +31,9 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve import globalisation, newton, search
 from skfem_textile.solve.linear import SOLVERS, superlu
 from skfem_textile.solve.problem import Evaluation
-from skfem_textile.solve.search import AcceptedEquilibrium, EquilibriumSearch, Target
-from skfem_textile.solve.states import Equilibrium, NoEquilibriumError
+from skfem_textile.solve.search import EquilibriumSearch, Target
+from skfem_textile.solve.states import NoEquilibriumError
+from skfem_textile.solve.verdict import Trial
 from tests.helpers import distorted
 from tests.helpers.pulled import pulled
 
@@ -241,16 +242,22 @@ def test_a_step_with_kinks_needs_4_iterations(formulation, size, made, E, monkey
 def test_an_updated_state_keeps_its_difficulty(monkeypatch):
     ply = SimpleNamespace(updated=lambda p, u, t: {}, terms=())
     start = Evaluation(1.0, *np.zeros((3, 1)), {}, {})
-    found = Equilibrium(*"ufp", (), 0.0)
-    problem = SimpleNamespace(ply=ply, evaluation=lambda *_: start, contacts=())
-    trial = SimpleNamespace(problem=problem, equilibrium=found)
-    states = (AcceptedEquilibrium(trial, n, False) for n in (9, 0))
+    problem = SimpleNamespace(
+        ply=ply,
+        evaluation=lambda *_: start,
+        contacts=(),
+        balancing=(),
+        nodes=np.zeros((2, 1)),
+    )
+    values = {"problem": problem, "start": None, "energies": {}, "potentials": {}}
+    trials = (Trial(*"ufp", (), 0.0, n, **values) for n in (9, 0))
     changes = iter([1.0, 0.0])
-    monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(states))
+    monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(trials))
     monkeypatch.setattr(search, "_change", lambda *_: next(changes))
     equilibria = EquilibriumSearch(problem, None, (), None)
     again = equilibria(Target(1.0, 1.0, None, None, None))
-    assert again == AcceptedEquilibrium(trial, 9, True)
+    assert again.projected == 9
+    assert again.converged
 
 
 class Towards(Term):

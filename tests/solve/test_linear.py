@@ -30,7 +30,7 @@ from skfem_textile.solve.linear import (
 from skfem_textile.solve.linear import solver as linear
 from skfem_textile.solve.linear.petsc import PREFIX
 from skfem_textile.solve.linear.scaling import Scaling
-from skfem_textile.solve.linear.solver import SolverEntry, pivoting_solver
+from skfem_textile.solve.linear.solver import SolverEntry
 from skfem_textile.solve.linear.superlu import SuperLU
 from skfem_textile.solve.problem import Problem, reduced
 from tests.helpers.pulled import pulled
@@ -114,6 +114,18 @@ def test_indefinite_systems_with_a_small_diagonal_are_solved(name, weak):
     A = csr_matrix(np.block([[weak * np.eye(n), B], [B.T, weak * np.eye(n)]]))
     x = rng.standard_normal(2 * n)
     np.testing.assert_allclose(factorised(name, A).solve(A @ x), x, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["cholmod", "rslab"])
+def test_superlu_replaces_a_wrong_solution_of_rslab(name, monkeypatch):
+    pytest.importorskip(SOLVERS[name].package)
+    rslab = pytest.importorskip("skfem_textile.solve.linear.rslab").Rslab
+    solution = rslab.solution
+    monkeypatch.setattr(rslab, "solution", lambda *given: 1.001 * solution(*given))
+    A, x = some_matrix(3, 0.0), np.arange(40.0)
+    factors = factorised(name, A)
+    np.testing.assert_allclose(factors.solve(A @ x), x, atol=1e-9)
+    assert factors.negative_pivots == np.sum(np.linalg.eigvalsh(A.toarray()) < 0)
 
 
 def test_the_options_of_cvxopt_are_restored():
@@ -446,7 +458,6 @@ def test_superlu_replaces_rslab_with_one_warning(monkeypatch, caplog, error, rea
 def test_without_rslab_superlu_solves(monkeypatch):
     monkeypatch.setitem(sys.modules, "rslab", None)
     assert chosen(100).name == "superlu"
-    assert pivoting_solver() is SuperLU
     result = run()
     assert result.converged
     assert result.solver.name == "superlu"

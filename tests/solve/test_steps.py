@@ -41,11 +41,11 @@ from tests.helpers.tools import problem_of
 class LimitedAtFirst(Newton):
     """Fails beyond the first tenth of the path unless steps are short."""
 
-    def solve(self, problem, start, fixed_values, *others):
+    def solve(self, attempt, start):
         at = np.abs(start.u).max()
-        if at < 0.05 and fixed_values.max() - at > 0.03:
+        if at < 0.05 and attempt.fixed_values.max() - at > 0.03:
             raise NoEquilibriumError("too long")
-        return super().solve(problem, start, fixed_values, *others)
+        return super().solve(attempt, start)
 
 
 def test_a_failed_step_is_halved_and_counted():
@@ -87,10 +87,10 @@ def test_an_invalid_intermediate_value_ends_the_run_and_keeps_its_states():
 
 
 class StuckBeyondHalf(Newton):
-    def solve(self, problem, start, fixed_values, *others):
-        if fixed_values.max() > 0.25:
+    def solve(self, attempt, start):
+        if attempt.fixed_values.max() > 0.25:
             raise NoEquilibriumError("stuck")
-        return super().solve(problem, start, fixed_values, *others)
+        return super().solve(attempt, start)
 
 
 @pytest.mark.parametrize("halvings", [0, 2])
@@ -362,4 +362,4 @@ def test_loads_drive_a_ply_if_their_work_is_half_of_its_energy(share, drives):
     ply = ply.with_terms(Force("right", (1.0, 0.0)))
     u, problem = np.full(ply.basis.N, 0.01), problem_of(ply, conditions).at(1.0)
     energies = {"tension": share * float(ply.load(u, 1.0) @ u)}
-    assert loads_drive(problem, u, ply.parameters_at_rest, energies, True) == drives
+    assert loads_drive(problem, u, ply.parameters_at_rest, energies) == drives

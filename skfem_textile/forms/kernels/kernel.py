@@ -14,16 +14,11 @@ subtracted from the slope of each tension.
 
 Element matrices are symmetric and hold the d×d blocks of the pairs of nodes (a, c) with
 a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
-
-In `OutOfPlaneKernel`, with γ and ∇h of `hourglass_mode`, the energy of an element is
-½ k v², where ``k = C_s Σ_k A/4 |∇h(ξ_k)|²`` and v = (y₁ × y₂)·y₃: y₁ and y₂ are the
-columns of the deformation gradient at the centre, y₃ = Σ γ_a u_a.  Each y_s = Σ_a B_sa
-x_a is linear in the nodal positions x_a, because γ maps reference positions to zero.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import combinations_with_replacement
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
@@ -31,7 +26,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, ElementVector
-from skfem.helpers import cross
 
 from ...fabric import Fabric, Slopes, TwoLaws, is_zero
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
@@ -43,7 +37,6 @@ from .elements import (
     IntegrationPoints,
     Stress,
     element_groups,
-    hourglass_mode,
 )
 
 # Negative eigenvalues below this share of the trace are round-off, which a Cholesky
@@ -73,6 +66,12 @@ class Kernel:
 
     fabric: Fabric
     basis_type: ClassVar[type[CellBasis]] = CellBasis
+
+    @cached_property
+    def resists(self) -> ndarray:
+        """1 for a family with a tension law, 0 for one without; shape (2, 1, 1)."""
+        resists = [not is_zero(family.tension) for family in self.fabric.families]
+        return np.array(resists, dtype=float)[:, None, None]
 
     def energy(self, x: "KernelState") -> float:
         """Energy in N·mm."""
@@ -119,7 +118,7 @@ class TensionKernel(Kernel):
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension and its slope; `stiffnesses` has the slope for ε₁ + ε₂."""
-        tensions, stresses = _tension_values(self.fabric, x), []
+        tensions, stresses = _tension_values(x), []
         for i, (p, fabric, f) in enumerate(x.sets):
             T = tensions[i] if tensions else _laws(fabric, "value", f.strain)
             direct, cross = _slopes(fabric, f.strain)
@@ -228,7 +227,7 @@ class MeanTensionKernel(Kernel):
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T for strain deviations."""
         stretches, means, E_d = self._state(x)
-        T = _tension_values(self.fabric, x)
+        T = _tension_values(x)
         if not T:
             N = _laws(x.group.fabric, "value", np.log(means)) / means
             T = [stretch * (N + E_d * (stretch - means)) for stretch in stretches]
@@ -291,8 +290,7 @@ class MeanTensionKernel(Kernel):
         """
         stretches = [np.sqrt(f.squared_stretch) for f in x.fibres]
         E_d = np.asarray(parameter(x.w, "E_d"))[:, x.group.elements, 0]
-        E_d = _resisting(self.fabric) * E_d[:, None]
-        return stretches, _mean(x.group, stretches), E_d
+        return stretches, _mean(x.group, stretches), self.resists * E_d[:, None]
 
 
 def can_compute(kernel: Kernel | None, basis: Any) -> bool:
@@ -346,19 +344,13 @@ def _mean(group: ElementGroup, values: list[ndarray]) -> ndarray:
     return sum((p.dx * x).sum(axis=1, keepdims=True) for p, x in pairs) / group.area
 
 
-def _resisting(fabric: Fabric) -> ndarray:
-    """1 for a family with a tension law, 0 for one without; shape (2, 1, 1)."""
-    resists = [not is_zero(family.tension) for family in fabric.families]
-    return np.array(resists, dtype=float)[:, None, None]
-
-
-def _tension_values(fabric: Fabric, x: KernelState) -> list[ndarray]:
+def _tension_values(x: KernelState) -> list[ndarray]:
     """Predicted tensions from ``w["tension"]``; empty: use the law."""
     if "tension" not in x.w:
         return []
     T = np.asarray(x.w["tension"])[..., x.group.elements, :]
     at_points = (np.moveaxis(T[..., i], -1, -2) for i in x.group.point_numbers)
-    return [_resisting(fabric) * T_p for T_p in at_points]
+    return [x.kernel.resists * T_p for T_p in at_points]
 
 
 def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:
@@ -535,70 +527,3 @@ def node_pair_blocks(K: ndarray, nodes: ndarray, d: int) -> ndarray:
     K = K.reshape(n_nodes, d, n_nodes, d, -1)[first, :, second]
     same = (nodes[first] == nodes[second]) & (first != second)[:, None]
     return K + np.where(same[:, None, None], K.swapaxes(1, 2), 0.0)
-
-
-# ε_ijk, of the cross product
-_EPSILON = np.zeros((3, 3, 3))
-_EPSILON[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-_EPSILON[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
-
-# Cyclic pairs of the vectors y, and the third.
-_CYCLE = (0, 1, 2), (1, 2, 0), (2, 0, 1)
-
-
-class OutOfPlaneKernel:
-    """Kernel of `out_of_plane`.
-
-    ``u`` is a displacement in space, shape (n_unknowns,), ``C_s`` a number or an array
-    that broadcasts to (n_elements, 4).
-
-    Parameters
-    ----------
-    basis
-        The `HourglassBasis` of the forms.
-    """
-
-    def __init__(self, basis: Any) -> None:
-        dN, _ = basis.gradients()
-        at_centre, gamma, slope = hourglass_mode(basis, dN)
-        self._B = np.array([*at_centre[..., 0].swapaxes(0, 1), gamma])
-        self._weight = basis.dx * (slope**2).sum(axis=0)
-        self._nodes = basis.element_dofs[::3] // 3
-        self._X = np.pad(basis.mesh.p, ((0, 1), (0, 0)))
-
-    def energy(self, u: ndarray, C_s: Any) -> float:
-        """Energy in N·mm."""
-        _, _, v = self._vectors(u)
-        return 0.5 * float((self._stiffness(C_s) * v**2).sum())
-
-    def forces(self, u: ndarray, C_s: Any) -> ndarray:
-        """Nodal forces in N, shape (n_unknowns,)."""
-        _, gradients, v = self._vectors(u)
-        f, nodes = np.empty((3, len(u) // 3)), self._nodes.ravel()
-        local = self._stiffness(C_s) * v * gradients
-        for i in range(3):
-            f[i] = np.bincount(nodes, local[:, i].ravel(), f.shape[1])
-        return f.T.ravel()
-
-    def matrices(self, u: ndarray, C_s: Any) -> ndarray:
-        """Blocks of the pairs of nodes of the elements, shape (10, 3, 3, n)."""
-        y, gradients, v = self._vectors(u)
-        (a, c), B, k = np.triu_indices(4), self._B, self._stiffness(C_s)
-        K = np.einsum("n,pin,pjn->pijn", k, gradients[a], gradients[c])
-        across = sum(
-            (B[s, a] * B[t, c] - B[t, a] * B[s, c])[:, None] * y[third]
-            for s, t, third in _CYCLE
-        )
-        K += np.einsum("n,ijk,pkn->pijn", k * v, _EPSILON, across)
-        return K
-
-    def _stiffness(self, C_s: Any) -> ndarray:
-        return (np.asarray(C_s) * self._weight).sum(axis=1)
-
-    def _vectors(self, u: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        """The y_s, (3, 3, n), ∂v/∂x_a, (4, 3, n), and v, (n,)."""
-        x = (self._X + u.reshape(-1, 3).T)[:, self._nodes]
-        y = np.einsum("san,ian->sin", self._B, x)
-        d = np.array([cross(y[s], y[t]) for s, t, _ in _CYCLE])
-        gradients = np.einsum("san,sin->ain", self._B[[2, 0, 1]], d)
-        return y, gradients, (y[2] * d[0]).sum(axis=0)

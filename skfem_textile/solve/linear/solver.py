@@ -5,9 +5,9 @@ large systems.
 """
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from importlib import import_module
 from threading import Lock, RLock
 from time import perf_counter
@@ -68,7 +68,7 @@ class SolverEntry:
     pivots_anywhere
         True if pivots of indefinite matrices are not restricted to blocks of columns.
     definite_only
-        True if the `pivoting_solver` takes over matrices that are not definite.
+        True if another solver takes over matrices that are not definite.
     """
 
     path: str
@@ -285,12 +285,13 @@ class ScaledFactors:
 
     Pivots restricted to blocks of columns may amplify round-off without being small, so
     that solutions of an indefinite system are checked.  If one is wrong, or the solver
-    factorises definite matrices only, the `pivoting_solver` takes over.
+    factorises definite matrices only, the next of `ChosenSolver.names` takes over.
     """
 
-    def __init__(self, solver: "ChosenSolver", factors: Factors, scaled: Scaled):
-        self._solver, self._scaled = solver, scaled
-        self._all = [factors]
+    def __init__(self, solver: "ChosenSolver", scaled: Scaled) -> None:
+        self._solver, self._scaled, self._names = solver, scaled, solver.names()
+        self._all: list[Factors] = []
+        self._by_next_solver()
 
     @property
     def factorisations(self) -> int:
@@ -307,38 +308,40 @@ class ScaledFactors:
     def negative_pivots(self) -> int | None:
         """Number of negative eigenvalues of A and, by Sylvester's law, of S A S."""
         with self._solver.lock:
-            self._require_pivots()
-            return self._all[-1].negative_pivots
+            return self._latest().negative_pivots
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
-        scale = self._scaled.scale
+        b = self._scaled.scale * b
         with self._solver.lock:
-            self._require_pivots()
-            x = self._all[-1].solve(scale * b)
-            if not self._is_certain and not self._is_solution(x, scale * b):
-                self._take_over()
-                x = self._all[-1].solve(scale * b)
-                if not self._is_solution(x, scale * b):
-                    raise SingularMatrixError
-        return scale * x
+            factors = self._latest()
+            x = factors.solve(b)
+            while not (
+                factors.definite
+                or self._entry.pivots_anywhere
+                or self._is_solution(x, b)
+            ):
+                factors = self._by_next_solver()
+                x = factors.solve(b)
+        return self._scaled.scale * x
 
     def __reduce__(self) -> tuple[Callable, tuple]:
         """Factors are pickled as their matrix, and computed again."""
-        return self._solver.factors_of, (self._scaled,)
+        return ScaledFactors, (self._solver, self._scaled)
 
-    def _require_pivots(self) -> None:
-        only = SOLVERS[self._solver.choice.name].definite_only
-        if only and len(self._all) == 1 and not self._all[0].definite:
-            self._take_over()
+    def _latest(self) -> Factors:
+        """Factors of the last solver, or of the next one if it needs a definite A."""
+        factors = self._all[-1]
+        if self._entry.definite_only and not factors.definite:
+            return self._by_next_solver()
+        return factors
 
-    def _take_over(self) -> None:
-        self._all.append(self._solver.pivoting.factorise(self._scaled.data))
-
-    @property
-    def _is_certain(self) -> bool:
-        pivots_anywhere = SOLVERS[self._solver.choice.name].pivots_anywhere
-        return pivots_anywhere or self._all[-1].definite
+    def _by_next_solver(self) -> Factors:
+        name = next(self._names)  # the last one is always certain
+        factors = self._solver.analysed(name).factorise(self._scaled.data)
+        self._entry = SOLVERS[name]
+        self._all.append(factors)
+        return factors
 
     def _is_solution(self, x: ndarray, b: ndarray) -> bool:
         """True if x solves a system that differs from this one by round-off."""
@@ -384,6 +387,7 @@ class ChosenSolver:
     def __init__(self, name: str, lower: csc_matrix, unknowns: Unknowns) -> None:
         self._lower, self._unknowns, n = lower, unknowns, lower.shape[0]
         self._scaling, self.lock = Scaling(lower), RLock()
+        self._analysed: dict[str, Solver] = {}
         self._rivals: tuple[str, ...] = ()  # to be measured
         if name != "auto":
             check_solver(name)
@@ -420,29 +424,32 @@ class ChosenSolver:
             if self._rivals and (choice := self._measured(scaled.data)):
                 self.choice, self._rivals = choice, ()
                 log.info("linear solver %s: %s", *choice)
-            return self.factors_of(scaled)
+            return ScaledFactors(self, scaled)
 
-    def factors_of(self, scaled: Scaled) -> ScaledFactors:
-        """Factors of a matrix that is scaled already; errors as of `factorise`."""
-        return ScaledFactors(self, self._analysed.factorise(scaled.data), scaled)
+    def names(self) -> Iterator[str]:
+        """Names of its solver and of those that take over, RSLAB and SuperLU."""
+        name = self.choice.name
+        yield name
+        if name not in ("rslab", "superlu"):
+            name = _first_importable(["rslab"])
+            yield name
+        if name != "superlu":
+            yield "superlu"
+
+    def analysed(self, name: str) -> Solver:
+        """The solver with a name; it analyses the pattern at first use."""
+        if name not in self._analysed:
+            solver = SOLVERS[name].build(self._lower, self._unknowns)
+            self._analysed[name] = solver
+        return self._analysed[name]
 
     def __getstate__(self) -> dict[str, Any]:
         """State without lock and analyses, which cannot be pickled."""
-        dropped = "lock", "_analysed", "pivoting"
+        dropped = "lock", "_analysed"
         return {name: x for name, x in vars(self).items() if name not in dropped}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state, lock=RLock())
-
-    @cached_property
-    def _analysed(self) -> Solver:
-        """The solver of the choice; analysed at first use."""
-        return SOLVERS[self.choice.name].build(self._lower, self._unknowns)
-
-    @cached_property
-    def pivoting(self) -> Solver:
-        """Solver for matrices that this one does not solve; analysed at first use."""
-        return pivoting_solver()(self._lower, self._unknowns)
+        vars(self).update(state, lock=RLock(), _analysed={})
 
     def product(self, data: ndarray, x: ndarray) -> ndarray:
         """Product of the matrix with the entries ``data`` and a vector."""
@@ -484,11 +491,6 @@ def check_solver(name: str) -> None:
         raise ValueError(
             f"solver {name!r} needs {package}, which fails to import: {error}"
         ) from None
-
-
-def pivoting_solver() -> type[Solver]:
-    """Solver for indefinite systems: RSLAB, or SuperLU if RSLAB fails to import."""
-    return SOLVERS[_first_importable(["rslab"])].build
 
 
 def _known(unknowns: int) -> str:
