@@ -98,7 +98,7 @@ class Belt:
         return [
             {
                 "case": str(self),
-                "tension": last,
+                "force": last,
                 "exact": exact,
                 "off": last / exact - 1,
                 "solves": state.linear_solves,

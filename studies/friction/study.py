@@ -16,7 +16,7 @@ def exact(rows: list[Row]) -> str:
         [
             [
                 row["case"],
-                f"{row.get('force', row.get('tension')):.5f}",
+                f"{row['force']:.5f}",
                 f"{row['exact']:.5f}",
                 f"{row['off']:.1e}",
                 row["solves"],
