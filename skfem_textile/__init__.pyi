@@ -4,6 +4,7 @@ from . import drape as drape, forms as forms
 from .fabric import (
     Asymmetric as Asymmetric,
     BiaxialLaw as BiaxialLaw,
+    Bilinear as Bilinear,
     CrimpInterchange as CrimpInterchange,
     CrimpToe as CrimpToe,
     Fabric as Fabric,

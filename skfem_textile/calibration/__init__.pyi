@@ -4,7 +4,9 @@ from .bands import (
     Fit as Fit,
 )
 from .bending import (
+    BendingCurve as BendingCurve,
     CantileverTest as CantileverTest,
+    read_bending as read_bending,
     read_cantilever as read_cantilever,
 )
 from .choice import (

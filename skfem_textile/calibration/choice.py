@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy import ndarray
 
 from . import models
-from .bending import CantileverTest
+from .bending import BendingCurve, CantileverTest
 from .measured import FAMILIES, families_of
 from .models import Model
 from .solving import PARTS
@@ -19,7 +19,7 @@ from .tensile import BiaxialCurve, Strip
 AUTO = "auto"
 
 #: A test of any kind.
-Test: TypeAlias = Specimen | Strip | BiaxialCurve | CantileverTest
+Test: TypeAlias = Specimen | Strip | BiaxialCurve | CantileverTest | BendingCurve
 
 #: Shear laws by name, as functions of the largest angle, the degree, and the number of
 #: points.
@@ -42,6 +42,19 @@ TENSION_LAWS: dict[str, Callable[[float, int, bool], Model]] = {
     ),
 }
 
+#: Bending laws by name, as functions of the largest curvature, the degree, and the
+#: number of points.
+BENDING_LAWS: dict[str, Callable[[float, int, int], Model]] = {
+    "linear": lambda largest, degree, points: models.bending(),
+    "bilinear": lambda largest, degree, points: models.bending_bilinear(largest),
+    "polynomial": lambda largest, degree, points: models.bending_polynomial(
+        largest, degree
+    ),
+    "tabulated": lambda largest, degree, points: models.bending_tabulated(
+        largest, points
+    ),
+}
+
 _Kind = TypeVar("_Kind")
 
 
@@ -57,6 +70,14 @@ class Choice:
     tension
         Tension law of each family, ``crimp-toe``, ``linear``, ``tabulated`` or
         ``auto``; or ``crimp-interchange``, whose tensions depend on both strains.
+    bending
+        Bending law of each family, ``linear``, ``bilinear``, ``polynomial`` (odd
+        powers) or, for measured moments, ``tabulated``.  With ``auto`` it is linear,
+        or, if the tests cover several curvatures (`asks_for_law`), the law with the
+        best cross-validation.  Or law and degree of some parts, such as ``bending
+        warp``; others are then linear.
+    bending_degree
+        Highest power of its polynomial.
     degree
         Highest power of the polynomial.
     points
@@ -82,9 +103,18 @@ class Choice:
     extrapolation: str | None = None
     up_to: float | None = None
     bounds: Mapping[str, tuple[float, float]] | None = None
+    bending: str | Mapping[str, tuple[str, int]] = AUTO
+    bending_degree: int = 3
 
     def __post_init__(self) -> None:
-        for law, laws in ((self.shear, SHEAR_LAWS), (self.tension, TENSION_LAWS)):
+        by_part = {} if isinstance(self.bending, str) else self.bending
+        bent = [law for law, _ in by_part.values()]
+        bent += [self.bending] if isinstance(self.bending, str) else []
+        named: list[tuple[str, Mapping[str, Any]]] = [
+            *((self.shear, SHEAR_LAWS), (self.tension, TENSION_LAWS)),
+            *((law, BENDING_LAWS) for law in bent),
+        ]
+        for law, laws in named:
             if law not in (*laws, AUTO):
                 raise ValueError(
                     f"unknown law {law!r}: choose one of {', '.join(laws)} or {AUTO}"
@@ -99,6 +129,14 @@ class Choice:
                 f"a table requires at least one point besides 0, got {self.points}"
             )
 
+    def bending_of(self, part: str) -> tuple[str, int]:
+        """Bending law of a part, and the degree of a polynomial."""
+        if self.bending == AUTO:
+            return "linear", 1
+        if isinstance(self.bending, str):
+            return self.bending, self.bending_degree
+        return self.bending.get(part, ("linear", 1))
+
 
 def of_kind(tests: Iterable[Test], kind: type[_Kind]) -> list[_Kind]:
     """Tests of one kind."""
@@ -108,6 +146,29 @@ def of_kind(tests: Iterable[Test], kind: type[_Kind]) -> list[_Kind]:
 def in_tension(tests: Iterable[Test]) -> list[Strip | BiaxialCurve]:
     """Strips and biaxial tests."""
     return [one for one in tests if isinstance(one, Strip | BiaxialCurve)]
+
+
+def in_bending(tests: Iterable[Test]) -> list[CantileverTest | BendingCurve]:
+    """Cantilevers and measured moments."""
+    return [one for one in tests if isinstance(one, CantileverTest | BendingCurve)]
+
+
+# Ratio of the largest to the smallest curvature at the clamps above which cantilevers
+# ask for a law.  Chosen: repeated tests of one overhang vary by less.
+_VARIED = 1.5
+
+
+def asks_for_law(tests: Sequence[CantileverTest | BendingCurve]) -> bool:
+    """True if tests of a family cover several curvatures: moments, or overhangs."""
+    readings = [one.curvature for one in of_kind(tests, CantileverTest)]
+    every = np.concatenate([np.ones(1), *readings])[1:]
+    curves = bool(of_kind(tests, BendingCurve))
+    return curves or bool(every.max(initial=0.0) > _VARIED * every.min(initial=np.inf))
+
+
+def _largest_curvature(test: CantileverTest | BendingCurve) -> float:
+    """Largest curvature of a test in 1/mm; of cantilevers by their elasticas."""
+    return float(np.abs(test.curvature).max())
 
 
 def tests_of(tests: Iterable[Test], part: str) -> list[Test]:
@@ -138,8 +199,16 @@ def models_of(tests: Sequence[Test], choice: Choice) -> dict[str, Model]:
         largest = max(reach(one, choice.up_to) for one in specimens)
         of_law = SHEAR_LAWS[choice.shear]
         found["shear"] = of_law(largest, choice.degree, choice.points)
-    for test in of_kind(tests, CantileverTest):
-        found[f"bending {test.family}"] = models.bending()
+    for part in {part for one in in_bending(tests) for part in one.parts}:
+        bent = in_bending(tests_of(tests, part))
+        law, degree = choice.bending_of(part)
+        if law == "tabulated" and of_kind(bent, CantileverTest):
+            raise ValueError(
+                f"{bent[0].name}: cantilevers do not determine a table: use bilinear "
+                "or polynomial"
+            )
+        largest = max(map(_largest_curvature, bent))
+        found[part] = BENDING_LAWS[law](largest, degree, choice.points)
     ordered = {name: found[name] for name in PARTS if name in found}
     return _extrapolated(_bounded(ordered, choice.bounds or {}), choice.extrapolation)
 
@@ -171,7 +240,8 @@ def _bounded(
         for name in model.parameters
         for given in (name, f"{part} {name}")
     }
-    laws = [model for part, model in found.items() if not part.startswith("bending")]
+    of_bending = [m for part, m in found.items() if part.startswith("bending")]
+    laws = [m for m in found.values() if m not in of_bending] or of_bending
     for name in bounds:
         if name not in known:
             of = " or ".join(dict.fromkeys(model.name for model in laws))
@@ -215,9 +285,11 @@ def reach(specimen: Specimen, up_to: float | None) -> float:
 
 
 def largest_argument(tests: Sequence[Test], part: str, up_to: float | None) -> float:
-    """Largest shear angle or strain of the data of a part."""
+    """Largest shear angle, strain or curvature of the data of a part."""
     if part == "shear":
         return max(reach(one, up_to) for one in of_kind(tests, Specimen))
+    if part.startswith("bending"):
+        return max(map(_largest_curvature, in_bending(tests_of(tests, part))))
     along = (t.along(FAMILIES.index(part)) for t in in_tension(tests))
     return max(float(one.strain.max()) for one in along if one)
 

@@ -12,9 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy import ndarray
 
+from ..fabric import Linear
 from ..plot.curves import COLOURS
 from ..plot.drawing import picture_path, save
-from .choice import Test
+from .bending import BendingCurve
+from .choice import Test, largest_argument
 from .fitting import FabricFit
 from .measured import FAMILIES, families_of
 from .validation import NORMAL_95, Validation
@@ -36,6 +38,7 @@ _STYLE = {"axes.spines.top": False, "axes.spines.right": False, "font.size": 10}
 _SIZE = 4.8, 4.0
 
 _SHEAR_ANGLE = "shear angle (°)"
+_CURVATURE, _MOMENT = "curvature κ (1/mm)", "bending moment M (N·mm/mm)"
 
 # Axis labels of the columns of a recording, and factors from their units.
 _LABELS = {
@@ -46,6 +49,8 @@ _LABELS = {
     "strain": ("strain (-)", 1.0),
     "warp strain": ("warp strain (-)", 1.0),
     "weft strain": ("weft strain (-)", 1.0),
+    "curvature": (_CURVATURE, 1.0),
+    "bending moment": (_MOMENT, 1.0),
 }
 
 
@@ -134,10 +139,17 @@ def law_panels(result: FabricFit, part: str) -> dict[str, Panel]:
             "Shear moment, point by point and of the law": _moments(result),
         }
     if part.startswith("bending"):
-        return {
-            "Overhang of the cantilevers": _overhangs(result, part),
-            "Bending stiffness of each reading": _stiffnesses(result, part),
-        }
+        panels: dict[str, Panel] = {}
+        if result.cantilevers(part):
+            panels = {
+                "Overhang of the cantilevers": _overhangs(result, part),
+                "Bending stiffness of each reading": _stiffnesses(result, part),
+            }
+        if len(result.tests_of(part)) > len(result.cantilevers(part)) or not isinstance(
+            result.parts[part].law, Linear
+        ):
+            panels["Bending moment of the law"] = _bending_moments(result, part)
+        return panels
     return {
         f"Tension of the {FAMILIES[i]}": _tension_panel(result, part, i)
         for i in families_of(part)
@@ -170,6 +182,8 @@ def _along(
         used = test.used(result.choice.up_to)
         angle = result.zeroed(result.specimens.index(test)).angle[used]
         yield _SHEAR_ANGLE, np.degrees(angle), values
+    elif isinstance(test, BendingCurve):
+        yield _CURVATURE, test.curvature, values
     elif part.startswith("bending"):
         yield "chord angle (°)", np.degrees(test.angle), values
     else:
@@ -316,9 +330,33 @@ def _stiffnesses(result: FabricFit, part: str) -> Panel:
             degrees = np.degrees(test.angle)
             axes.plot(degrees, test.by_elastica, "o", color=colour, label=test.name)
             axes.plot(degrees, test.by_peirce, "x", color=colour)
-        axes.axhspan(*fit.intervals[0], color="#808080", alpha=0.15, lw=0)
-        axes.axhline(fit.law.stiffness, color="#808080", lw=1.0)
+        if isinstance(fit.law, Linear):
+            axes.axhspan(*fit.intervals[0], color="#808080", alpha=0.15, lw=0)
+            axes.axhline(float(fit.values[0]), color="#808080", lw=1.0)
+        else:
+            for test in result.cantilevers(part):
+                degrees, of_law = np.degrees(test.angle), test.apparent(fit.law)
+                axes.plot(degrees, of_law, "_", color="#808080", ms=12)
         label = "bending stiffness (N·mm)\no elastica, x Peirce"
         axes.set(xlabel="chord angle (°)", ylabel=label)
+
+    return panel
+
+
+def _bending_moments(result: FabricFit, part: str) -> Panel:
+    """Measured moments, and the law with its band."""
+    fit, tests = result.parts[part], result.tests_of(part)
+    end = largest_argument(result.tests, part, None)
+    curves = [one for one in tests if isinstance(one, BendingCurve)]
+    low = min([0.0, *(float(one.curvature.min()) for one in curves)])
+    x = np.linspace(low, end, _N)
+
+    def panel(axes: Axes) -> None:
+        for colour, test in _coloured(curves, 1):
+            axes.plot(test.curvature, test.moment, ".", color=colour, label=test.name)
+        _fill(axes, x, fit.band(lambda law: law.value(x)), COLOURS[0], 0.3)
+        axes.plot(x, fit.law.value(x), color=COLOURS[0], label="law, 95 %")
+        axes.locator_params(axis="x", nbins=5)
+        axes.set(xlabel=_CURVATURE, ylabel=_MOMENT)
 
     return panel

@@ -30,7 +30,14 @@ from .choice import (
 from .curves import beginning_notes
 from .measured import FAMILIES, families_of
 from .regression import JointFit, fit
-from .selection import Candidate, compared, reason_against, with_best, without
+from .selection import (
+    Candidate,
+    compared,
+    compared_in_bending,
+    reason_against,
+    with_best,
+    without,
+)
 from .simulation import SimulatedTest, Simulation, simulated, tension_of
 from .solving import Laws
 from .specimens import Specimen, Zeros
@@ -77,10 +84,7 @@ class FabricFit:
         """A fabric whose laws are replaced by the fitted ones, or by laws by part."""
         laws, (warp, weft) = self.laws if laws is None else laws, base.bending
         tension = tension_of(laws, base)
-        bending = (
-            laws["bending warp"].stiffness if "bending warp" in laws else warp,
-            laws["bending weft"].stiffness if "bending weft" in laws else weft,
-        )
+        bending = laws.get("bending warp", warp), laws.get("bending weft", weft)
         shear = laws.get("shear", base.shear)
         return replace(base, tension=tension, shear=shear, bending=bending)
 
@@ -118,7 +122,7 @@ class FabricFit:
         }
 
     def cantilevers(self, part: str) -> list[CantileverTest]:
-        """Tests of a bending stiffness, in the order of its curves."""
+        """Cantilevers of a bending law, in the order of its curves."""
         return of_kind(self.tests_of(part), CantileverTest)
 
     @property
@@ -163,7 +167,8 @@ def fit_tests(
 
     All tests enter one least-squares problem, each weighted by its noise.  Each kind of
     test determines some laws: shear tests the shear law, strips the tension law of one
-    family, biaxial tests both, cantilevers a bending stiffness.
+    family, biaxial tests both, cantilevers and measured moments a bending stiffness or
+    law.
 
     Parameters
     ----------
@@ -199,9 +204,10 @@ def fit_tests(
     bias = [one for one in of_kind(tests, Specimen) if _is_bias(one)]
     if simulation is not None and not bias:
         raise ValueError("only bias-extension tests are simulated: omit the simulation")
-    candidates = {}
+    candidates: dict[str, list[Candidate]] = {}
     if AUTO in (choice.shear, choice.tension):
         candidates = compared(_within_range(tests, choice.up_to), choice)
+    candidates |= compared_in_bending(tests, choice)
     while True:
         chosen = with_best(choice, candidates)
         if simulation is None:
@@ -236,7 +242,7 @@ def _unphysical(result: FabricFit) -> dict[str, str]:
     """
     found, assumptions = {}, (result.tests, _with_fitted_slack(result))
     for part, of_part in result.parts.items():
-        if part != "shear" and part not in FAMILIES:
+        if part == "both" or of_part.model.name == "bending":
             continue
         up_to = result.choice.up_to
         largest = min(largest_argument(tests, part, up_to) for tests in assumptions)

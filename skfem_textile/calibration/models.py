@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import (
+    Bilinear,
     CrimpInterchange,
     CrimpToe,
     Linear,
@@ -201,6 +202,40 @@ def crimp_interchange(largest: float) -> Model:
 def bending() -> Model:
     """Moment per curvature and width of one family: M = D κ."""
     return replace(linear(), name="bending", units=("N·mm",))
+
+
+def bending_bilinear(largest: float) -> Model:
+    """`Bilinear`, with the knee below the largest curvature in 1/mm."""
+
+    def start(stiffness: float) -> ndarray:
+        return np.array([1.2 * stiffness, 0.4 * largest, 0.5 * stiffness])
+
+    low, high = np.array([[1e-9, 0.02 * largest, 0.0], [np.inf, largest, np.inf]])
+    names, units = ("stiffness", "knee", "further_stiffness"), ("N·mm", "1/mm", "N·mm")
+    build = _of_numbers(Bilinear)
+    return Model("bilinear", names, units, build, low, high, start, is_linear=False)
+
+
+def bending_polynomial(largest: float, degree: int) -> Model:
+    """`polynomial` of the curvature up to the largest one in 1/mm."""
+    model = polynomial(degree)
+    powers = np.arange(0, degree, 2)
+
+    def start(stiffness: float) -> ndarray:
+        share = np.where(powers, 0.1, 1.0)
+        return share * stiffness / largest**powers
+
+    units = tuple(f"N·mm{_exponent(n)}" for n in range(1, degree + 1, 2))
+    return replace(model, units=units, start=start, is_linear=False)
+
+
+def bending_tabulated(largest: float, points: int) -> Model:
+    """`tabulated` up to the largest curvature in 1/mm."""
+    return replace(tabulated(largest, points), units=("N·mm/mm",) * points)
+
+
+def _exponent(n: int) -> str:
+    return "" if n == 1 else str(n).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def joint(models: Mapping[str, Model]) -> Model:

@@ -12,8 +12,8 @@ from ..fabric.law import domain_of
 from ..scenes.shear_test import BiasExtension, PictureFrame
 from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
-from .bending import CantileverTest
-from .choice import Test, reach
+from .bending import BendingCurve, CantileverTest
+from .choice import Test, largest_argument, reach
 from .curves import beginning_notes, departure_notes, rest_notes
 from .fitting import FabricFit
 from .measured import FAMILIES
@@ -115,8 +115,26 @@ def tension_report(result: FabricFit, part: str) -> dict[str, Any]:
 
 
 def bending_report(result: FabricFit, part: str) -> dict[str, Any]:
-    """Report of a bending stiffness."""
-    fit, tests = result.parts[part], result.cantilevers(part)
+    """Report of a bending stiffness or law."""
+    fit, tests = result.parts[part], result.tests_of(part)
+    units = ["N_mm" if isinstance(x, CantileverTest) else "N_mm_per_mm" for x in tests]
+    largest = largest_argument(result.tests, part, None)
+    curves = [_curve(fit, i, unit) for i, unit in enumerate(units)]
+    found = law_report("bending", fit) | {"curves": curves, "notes": _notes(fit)}
+    if fit.model.name != "bending":
+        found |= {
+            "largest_curvature_per_mm": largest,
+            "bending_moments": _bending_moments(fit, largest),
+        }
+    if cantilevers := result.cantilevers(part):
+        of_readings = _readings(cantilevers)
+        found["notes"] += of_readings.pop("notes")
+        found |= of_readings
+    return found
+
+
+def _readings(tests: Sequence[CantileverTest]) -> dict[str, Any]:
+    """Readings of cantilevers, each with its stiffness, and notes."""
     names = "overhang_mm", "chord_angle_deg", "by_elastica_N_mm", "by_peirce_N_mm"
     readings = []
     for test in tests:
@@ -126,17 +144,29 @@ def bending_report(result: FabricFit, part: str) -> dict[str, Any]:
             readings.append({"name": test.name, **dict(zip(names, row, strict=True))})
     exact, simple = (np.array([row[key] for row in readings]) for key in names[2:])
     largest = float(np.abs(simple / exact - 1).max())
-    return law_report("bending", fit) | {
-        "curves": [_curve(fit, i, "N_mm") for i in range(len(tests))],
+    return {
         "by_peirce_N_mm": float(simple.mean()),
         "readings": readings,
         "notes": [
-            *_notes(fit),
             *_wild_notes(tests),
             f"the error of Peirce's formula is up to {100 * largest:.1f} % at these "
             "angles: the stiffness is computed with the elastica",
         ],
     }
+
+
+# Number of curvatures, besides 0, at which bending moments are reported.
+_CURVATURES = 10
+
+
+def _bending_moments(fit: Fit, largest: float) -> list[dict[str, float]]:
+    """Moments of a bending law up to the largest curvature of the data."""
+    x = np.linspace(0.0, largest, _CURVATURES + 1)[1:]
+    moment = fit.law.value(x)
+    low, high = fit.band(lambda law: law.value(x))
+    names = "curvature_per_mm", "moment_N_mm_per_mm", "low", "high"
+    rows = np.transpose([x, moment, low, high]).tolist()
+    return [dict(zip(names, row, strict=True)) for row in rows]
 
 
 def _wild_notes(tests: Sequence[CantileverTest]) -> list[str]:
@@ -187,6 +217,8 @@ def data_report(
 
 def _kind(test: Test) -> str:
     """Kind and dimensions of a test in words."""
+    if isinstance(test, BendingCurve):
+        return f"moment over curvature along the {test.family}"
     if isinstance(test, CantileverTest):
         return f"cantilever along the {test.family}, {test.weight:g} N/mm²"
     if isinstance(test, BiaxialCurve):

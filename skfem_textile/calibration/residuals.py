@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..fabric import BiaxialLaw, Tabulated, TwoLaws
+from ..fabric import BiaxialLaw, Linear, Tabulated, TwoLaws
 from ..fabric.law import domain_of
 from ..scenes.shear_test import ShearTest
-from .bending import CantileverTest
+from .bending import BendingCurve, CantileverTest
 from .choice import Choice, Test
 from .measured import FAMILIES, slack_range
 from .simulation import SimulatedTest
@@ -47,6 +47,8 @@ def samples_of(
             samples.append(shear(one, choice.up_to, found, others))
         elif isinstance(one, CantileverTest):
             samples.append(cantilever(one))
+        elif isinstance(one, BendingCurve):
+            samples.append(bending_curve(one))
         elif isinstance(one, Strip):
             samples.append(strip(one))
         elif choice.tension == "crimp-interchange":
@@ -162,9 +164,22 @@ def cantilever(test: CantileverTest) -> Sample:
     part = f"bending {test.family}"
 
     def predict(laws: Laws) -> ndarray:
-        return laws[part].value(np.ones(test.overhang.size))
+        if isinstance(law := laws[part], Linear):
+            return law.value(np.ones(test.overhang.size))
+        return test.apparent(_smooth(law))
 
     return Sample(test.name, test.by_elastica, part, predict)
+
+
+def bending_curve(test: BendingCurve) -> Sample:
+    """Moment of a law at each curvature."""
+    part = f"bending {test.family}"
+
+    def predict(laws: Laws) -> ndarray:
+        value: ndarray = laws[part].value(test.curvature)
+        return value
+
+    return Sample(test.name, test.moment, part, predict)
 
 
 def _smooth(law: Any) -> Any:

@@ -10,7 +10,18 @@ from numpy import ndarray
 
 from ..fabric.law import domain_of
 from .bands import Fit
-from .choice import AUTO, Choice, Test, largest_argument, models_of, tests_of
+from .bending import CantileverTest
+from .choice import (
+    AUTO,
+    Choice,
+    Test,
+    asks_for_law,
+    in_bending,
+    largest_argument,
+    models_of,
+    of_kind,
+    tests_of,
+)
 from .measured import FAMILIES
 from .models import Model
 from .regression import fit, laws_and_zeros
@@ -24,6 +35,24 @@ _SHEAR_CANDIDATES = {
     "tabulated": ("tabulated", 1),
 }
 _TENSION_CANDIDATES = "linear", "crimp-toe", "tabulated"
+
+# The same of bending laws; tabulated only for measured moments.
+_BENDING_CANDIDATES = {
+    **{law: (law, 1) for law in ("linear", "bilinear")},
+    **{f"polynomial of degree {n}": ("polynomial", n) for n in (3, 5)},
+    "tabulated": ("tabulated", 1),
+}
+
+# Those that are compared for cantilevers: a polynomial of softening fibres has a
+# maximum, beyond which cantilevers fold.
+_OF_CANTILEVERS = "linear", "bilinear"
+
+# Fewest readings of a family among which bending laws are compared: two for each of
+# the parameters of the longest law.
+_FEWEST = 6
+
+# Parts of the bending laws.
+_BENDING_PARTS = tuple(f"bending {family}" for family in FAMILIES)
 
 # Number of folds of a curve: each contains every fifth point.
 _FOLDS = 5
@@ -73,8 +102,10 @@ def reason_against(fit: Fit, largest: float) -> str:
     largest
         Largest argument of the data: an angle in radians, or a strain.
     """
-    law, is_shear = fit.law, fit.samples[0].part == "shear"
-    scale, unit = (np.degrees(1.0), "degrees") if is_shear else (1.0, "strain")
+    law, part = fit.law, fit.samples[0].part
+    scale, unit = (np.degrees(1.0), "degrees") if part == "shear" else (1.0, "strain")
+    if part.startswith("bending"):
+        unit = "1/mm"
     end = float(np.max(domain_of(law)[1]))
     pole = fit.model.name == "locking" and bool(fit.values[-1] <= fit.model.low[-1])
     if pole or end < largest * (1 - 1e-9):
@@ -209,6 +240,26 @@ def compared(tests: Sequence[Test], choice: Choice) -> dict[str, list[Candidate]
     return found
 
 
+def compared_in_bending(
+    tests: Sequence[Test], choice: Choice
+) -> dict[str, list[Candidate]]:
+    """Bending laws compared in the place of ``auto``, by part, see `Choice.bending`."""
+    found = {}
+    for part in _BENDING_PARTS if choice.bending == AUTO else ():
+        own = in_bending(tests_of(tests, part))
+        n = sum(one.curvature.size for one in own)
+        if not own or n < _FEWEST or not asks_for_law(own):
+            continue
+        table = not of_kind(own, CantileverTest)
+        options = {
+            name: replace(choice, bending=law, bending_degree=degree)
+            for name, (law, degree) in _BENDING_CANDIDATES.items()
+            if table or law in _OF_CANTILEVERS
+        }
+        found[part] = _candidates(tests, options, part)
+    return found
+
+
 def with_best(choice: Choice, candidates: Mapping[str, list[Candidate]]) -> Choice:
     """The choice with the best laws in the place of ``auto``.
 
@@ -226,7 +277,12 @@ def with_best(choice: Choice, candidates: Mapping[str, list[Candidate]]) -> Choi
         ]
         best = [best_of(each).name for each in suiting]
         choice = replace(choice, tension=max(best, key=_TENSION_CANDIDATES.index))
-    return choice
+    bending = {
+        part: _BENDING_CANDIDATES[best_of(candidates[part]).name]
+        for part in _BENDING_PARTS
+        if part in candidates
+    }
+    return replace(choice, bending=bending) if bending else choice
 
 
 def without(
@@ -240,6 +296,9 @@ def without(
     found = {}
     for part, each in candidates.items():
         names = shear if part == "shear" else {chosen.tension}
+        if part in _BENDING_PARTS:
+            bent = chosen.bending_of(part)
+            names = {name for name, of in _BENDING_CANDIDATES.items() if of == bent}
         found[part] = [
             replace(x, error=np.nan, standard_error=np.nan, reason=reasons[part])
             if part in reasons and x.name in names

@@ -13,7 +13,7 @@ import numpy as np
 from ..declarations.words import OF_FILES, Options
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension, PictureFrame
-from .bending import read_cantilever
+from .bending import read_bending, read_cantilever
 from .choice import Test
 from .preparing import Preparation
 from .reading import Format, column_named
@@ -66,6 +66,10 @@ def _cantilevers(options: Namespace) -> list[Test]:
     ]
 
 
+def _bendings(options: Namespace) -> list[Test]:
+    return _read(options, read_bending, [(options.family,)] * len(options.data))
+
+
 #: Functions that read the files of a kind of test.
 READERS: dict[str, Callable[[Namespace], Sequence[Test]]] = {
     "strip": _strips,
@@ -73,6 +77,7 @@ READERS: dict[str, Callable[[Namespace], Sequence[Test]]] = {
     "bias-extension": _biases,
     "biaxial": _biaxials,
     "cantilever": _cantilevers,
+    "bending": _bendings,
 }
 
 # Keys of a test in a file besides the options of its kind.
@@ -93,7 +98,7 @@ def read_tests(path: str | os.PathLike[str]) -> list[Test]:
 
     Returns
     -------
-    list of Specimen, Strip, BiaxialCurve or CantileverTest
+    list of Specimen, Strip, BiaxialCurve, CantileverTest or BendingCurve
         The tests in the order of the tables, for `fit_tests` or `validate`.
 
     Raises
@@ -187,7 +192,7 @@ def _preparation(options: Namespace) -> Preparation:
     return Preparation(
         options.branch,
         options.cycle,
-        options.slack,
+        getattr(options, "slack", None),
         getattr(options, "force_at_rest", None),
         not options.keep_outliers,
     )

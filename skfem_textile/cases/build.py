@@ -515,11 +515,13 @@ def _fabric(
         weft = None if tension.weft is None else tension.weft.build()
     with _errors_in("shear "):
         of_shear = shear.law.build("shear")
+    with _errors_in("bending "):
+        of_bending = bending.build()
     return Fabric(
         warp if weft is None else (warp, weft),
         of_shear,
         *fibres,
-        (bending.warp_N_mm, bending.weft_N_mm),
+        of_bending,
         bending.twist_N_mm,
         np.radians(shear.wrinkling_angle_deg),
     )
@@ -664,11 +666,11 @@ def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[st
     if "shear" in tables:
         found["shear"] = _table(fabric.shear_law)
     if "bending" in tables:
-        stiffnesses = *fabric.bending, fabric.twist
+        stiffnesses: list[Any] = [*fabric.bending, fabric.twist]
         keys = "warp_N_mm", "weft_N_mm", "twist_N_mm"
         found["bending"] = {}
-        if not any(np.ndim(one) for one in stiffnesses):
-            found["bending"] = dict(zip(keys, map(float, stiffnesses), strict=True))
+        if all(isinstance(one, float) for one in stiffnesses):
+            found["bending"] = dict(zip(keys, stiffnesses, strict=True))
     complete = all(one and one.get("weft", True) for one in found.values())
     return found if complete else {"fabric": {"file": file}}
 

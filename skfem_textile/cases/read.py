@@ -23,6 +23,7 @@ from .schema import (
     MESH_KINDS,
     AnyFormulation,
     Bending,
+    BendingOfFamily,
     FabricOfFile,
     InCompression,
     Loads,
@@ -293,6 +294,8 @@ _WITH_LAWS: dict[str, type[Struct]] = {
     "in_compression": InCompression,
     "shear": Shear,
     "bending": Bending,
+    "warp_law": BendingOfFamily,
+    "weft_law": BendingOfFamily,
 }
 
 
@@ -304,7 +307,11 @@ def _laws_nested(table: Any, kind: type[Struct], scene: type[AnyScene]) -> Any:
     if not isinstance(table, dict):
         return table
     if kind is Bending:
-        return {"warp_N_mm": scene.bending, "weft_N_mm": scene.bending, **table}
+        of_scene = {
+            f"{family}_N_mm": 0.0 if f"{family}_law" in table else scene.bending
+            for family in ("warp", "weft")
+        }
+        table = of_scene | table
     has_law = "law" in kind.__struct_fields__
     if has_law and "file" in table:
         raise ValueError(

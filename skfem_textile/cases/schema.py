@@ -319,10 +319,10 @@ class FabricOfFile(Table):
 
 
 class Law(DeclaredTable, tag_field="law"):
-    """Constitutive law of tension T(ε) or shear M_s(γ)."""
+    """Constitutive law of tension T(ε), shear M_s(γ) or bending M(κ)."""
 
     def build(self, of: "Resistance") -> Any:
-        """Build the law; ``of`` is tension or shear."""
+        """Build the law; ``of`` is tension, shear or bending."""
         return self.construct()
 
 
@@ -358,7 +358,7 @@ class LawOfFile(Law, tag="FILE.json"):
 
         law = read_law(self.file)
         biaxial = isinstance(law, BiaxialLaw)
-        if getattr(law, "of", None) not in (None, of) or (of == "shear" and biaxial):
+        if getattr(law, "of", None) not in (None, of) or (of != "tension" and biaxial):
             raise ValueError(
                 f"{self.file} contains a {type(law).__name__}, which is not a law of "
                 f"{of}"
@@ -394,6 +394,7 @@ class CrimpInterchange(Law, tag="crimp-interchange"):
 if TYPE_CHECKING:
     TensionLaw: TypeAlias = Law
     ShearLaw: TypeAlias = Law
+    BendingLaw: TypeAlias = Law
 else:
     _Linear = table_of(declared.Linear, Law)
     TensionLaw = (
@@ -411,6 +412,7 @@ else:
         | table_of(declared.Polynomial, Law)
         | LawOfFile
     )
+    BendingLaw = table_of(declared.Bilinear, Law) | Measured | LawOfFile
 
 
 class InCompression(Table):
@@ -483,12 +485,30 @@ class Shear(Table):
     ] = 90.0
 
 
+class BendingOfFamily(Table):
+    """Bending law of a family, in the place of its stiffness."""
+
+    law: BendingLaw
+
+
 class Bending(Table):
     """Bending and twist stiffnesses per width of ply."""
 
     warp_N_mm: Annotated[float, about("bending stiffness of the warp")] = 0.0
     weft_N_mm: Annotated[float, about("bending stiffness of the weft")] = 0.0
     twist_N_mm: Annotated[float, about("twist stiffness")] = 0.0
+    warp_law: BendingOfFamily | None = None
+    weft_law: BendingOfFamily | None = None
+
+    def build(self) -> tuple[Any, Any]:
+        """Stiffness or law of warp and weft; an error if a family has both."""
+        return self._of("warp"), self._of("weft")
+
+    def _of(self, family: str) -> Any:
+        D, table = getattr(self, f"{family}_N_mm"), getattr(self, f"{family}_law")
+        if table and D:
+            raise ValueError(f"{family}_N_mm: {family}_law is a law: omit one of them")
+        return table.law.build("bending") if table else D
 
 
 class Region(Table):

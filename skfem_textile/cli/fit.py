@@ -15,7 +15,7 @@ from ..calibration.simulation import FIBRES, Simulation
 from ..calibration.specimens import Specimen
 from ..calibration.tests_file import READERS, read_tests
 from ..calibration.validation import Validation, refuse_others, validate
-from ..fabric import Fabric
+from ..fabric import Fabric, Linear
 from ..fabric.files import write_law
 from ..mesh.progress import shown
 from ..mesh.user_input import printable
@@ -52,6 +52,8 @@ _CHOICE = "degree", "points", "extrapolation"
 _LAWS = {
     **{"shear": "shear_law.json", "both": "tension_law.json"},
     **{"warp": "warp_law.json", "weft": "weft_law.json"},
+    "bending warp": "bending_warp_law.json",
+    "bending weft": "bending_weft_law.json",
 }
 _ONE_LAW = "law.json"
 _FILES = "summary.json", "fabric.json", REPORT, _ONE_LAW, *_LAWS.values()
@@ -77,7 +79,11 @@ def run(options: Namespace) -> int:
     inputs["data"] = [str(path) for path in options.data]
     if inputs.get("validate") is not None:
         inputs["validate"] = str(options.validate)
-    laws = {part: law for part, law in result.laws.items() if part in _LAWS}
+    laws = {
+        part: law
+        for part, law in result.laws.items()
+        if not (part.startswith("bending") and isinstance(law, Linear))
+    }
     pictures, no_pictures = _pictures(options, result, held_out, found)
     with held(), ResultFolder(options.out, _FILES) as folder:
         for part, law in laws.items():
@@ -108,6 +114,9 @@ def _fitted(options: Namespace, tests: Sequence[Test], base: Fabric) -> FabricFi
     how = {key: known[key] for key in _CHOICE if key in known}
     if options.test == "joint":
         how |= {"shear": options.shear_law, "tension": options.tension_law}
+        how["bending"] = options.bending_law
+    elif options.test in ("cantilever", "bending"):
+        how |= {"bending": options.law, "bending_degree": how.pop("degree")}
     elif "law" in known:
         how["shear" if "degree" in known else "tension"] = options.law
     if known.get("up_to") is not None:

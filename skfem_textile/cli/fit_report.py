@@ -167,7 +167,11 @@ def _law_row(title: str, one: Mapping[str, Any]) -> Row:
     """Row of a law: its error, its range, and whether it follows the data."""
     kind, reach, what = one["name"], "", "load"
     if one["of"] == "bending":
-        kind, what = "mean of the readings", "stiffness"
+        what = "stiffness" if "readings" in one else "moment"
+        if "bending_moments" in one:
+            reach = f", up to {_short(one['largest_curvature_per_mm'])} 1/mm"
+        elif "readings" in one:
+            kind = "mean of the readings"
     elif one["of"] == "shear":
         reach = f", up to {one['largest_angle_deg']:.1f}°"
     else:
@@ -223,6 +227,13 @@ def _law(title: str, one: Mapping[str, Any]) -> dict[str, Any]:
             *(f"{_PERCENT} of a specimen", "between specimens", "point by point"),
         )
         tables.append(("Shear moment", head, [_moment(m) for m in one["moments"]]))
+    if one.get("bending_moments"):
+        head = "curvature (1/mm)", "moment (N·mm/mm)", _PERCENT
+        moments = [
+            [*map(_short, row[:2]), _range(*row[2:])]
+            for row in map(list, map(dict.values, one["bending_moments"]))
+        ]
+        tables.append(("Bending moment", head, moments))
     if one.get("readings"):
         head = (
             *("test", "overhang (mm)", "chord angle (°)"),
@@ -233,7 +244,7 @@ def _law(title: str, one: Mapping[str, Any]) -> dict[str, Any]:
     head = ("parameter", "value", "unit", f"{_PERCENT} band")
     return {
         "title": title,
-        "heading": title if one["of"] == "bending" else f"{title}: {one['name']}",
+        "heading": title if one["name"] == "bending" else f"{title}: {one['name']}",
         "head": head,
         "parameters": _parameters(one),
         "tables": tables,
@@ -264,13 +275,17 @@ def _moment(one: Mapping[str, Any]) -> list[Any]:
     ]
 
 
+# Units of the measured values of a curve, by the ends of their keys.
+_RESIDUAL_UNITS = {"N": "N", "N_mm": "N·mm", "N_mm_per_mm": "N·mm/mm"}
+
+
 def _residuals(laws: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Table of the noise and the residuals of each curve."""
     found = []
     for one in laws.values():
-        unit = "N·mm" if one["of"] == "bending" else "N"
-        key = unit.replace("·", "_")
         for c in one["curves"]:
+            key = next(x[6:] for x in c if x.startswith("noise_N"))
+            unit = _RESIDUAL_UNITS[key]
             share = c["noise_over_largest"]
             found.append(
                 [

@@ -147,6 +147,21 @@ _TENSION_LAW = option(
     default="crimp-toe",
 )
 
+_BENDING_LAW = option(
+    "bending law: linear, bilinear, polynomial (odd powers) or, for measured moments, "
+    "tabulated; or auto, the one with the best cross-validation if the tests cover "
+    "several curvatures, else linear",
+    metavar="LAW",
+    default="auto",
+)
+
+_BENDING: Options = {
+    "--law": _BENDING_LAW,
+    "--degree": option(
+        "highest power of the polynomial, an odd number", int, "N", default=3
+    ),
+}
+
 _SHEAR: Options = {
     "--degree": option(
         "highest power of the polynomial, an odd number", int, "N", default=5
@@ -211,8 +226,12 @@ TESTS: dict[str, tuple[str, Options]] = {
         },
     ),
     "cantilever": (
-        "a bending stiffness from cantilever tests, by the elastica (Peirce)",
-        {**OF_FILES["cantilever"], **_FABRIC},
+        "a bending stiffness or law from cantilever tests, by the elastica (Peirce)",
+        {**OF_FILES["cantilever"], **_BENDING, **_FABRIC},
+    ),
+    "bending": (
+        "a bending law from measured moments and curvatures",
+        {**OF_FILES["bending"], **_BENDING, **_COMMON},
     ),
     "biaxial": (
         "tension laws from biaxial tests, one file per strain ratio",
@@ -223,6 +242,7 @@ TESTS: dict[str, tuple[str, Options]] = {
         {
             "--shear-law": _SHEAR_LAW,
             "--tension-law": _TENSION_LAW,
+            "--bending-law": _BENDING_LAW,
             **_SHEAR,
             **_SIMULATE,
             **_VALIDATE,

@@ -295,8 +295,8 @@ def _curvature(
 ) -> dict[str, float]:
     """Largest curvature of fibres with bending stiffness off all tools."""
     free = ~np.any([touching(ply, x, state) for x in tools], axis=0)
-    bent = [i for i, D in enumerate(ply.fabric.bending) if np.any(D)]
-    if not bent or not free.any():
+    bent = np.flatnonzero(ply.fabric.bent)
+    if not bent.size or not free.any():
         return {}
     curvature = np.abs(fibre_curvature(ply, state.u)[bent]).max(axis=0)
     return {"max_fibre_curvature_off_tools_per_mm": float(curvature[free].max())}

@@ -188,6 +188,18 @@ class Polynomial:
     )
 
 
+@declaration("fabric.laws.bending")
+class Bilinear:
+    """M = D kappa up to the knee, then slope D1; the same for both signs of kappa"""
+
+    stiffness: float = key("bending stiffness D up to the knee", unit="N_mm")
+    knee: float = key("curvature of the knee", unit="per_mm")
+    further_stiffness: float = key("bending stiffness D1 beyond the knee", unit="N_mm")
+    rounding: float = key(
+        "half of the transition of the slope, relative to the knee", default=0.1
+    )
+
+
 _C_S = (
     "stabilisation stiffness C_s, or auto: computed from shear stiffness, tension and "
     "fibre angle of each element; 1e-4 E without shear stiffness"

@@ -308,4 +308,5 @@ OF_FILES: dict[str, Options] = {
         ),
         **_READING,
     },
+    "bending": {**_FAMILY, **_READING, **_BRANCH},
 }

@@ -1,4 +1,4 @@
-"""Fabrics: fibre directions and constitutive laws of tension and shear."""
+"""Fabrics: fibre directions and constitutive laws of tension, shear and bending."""
 
 import lazy_loader
 

@@ -14,6 +14,9 @@ from .law import (
     TwoLaws as TwoLaws,
     is_zero as is_zero,
 )
+from .laws.bending import (
+    Bilinear as Bilinear,
+)
 from .laws.biaxial import (
     CrimpedYarns as CrimpedYarns,
     CrimpInterchange as CrimpInterchange,

@@ -1,6 +1,6 @@
 """Fabric model: fibre directions, tension laws, shear law and bending stiffnesses."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from types import MappingProxyType
@@ -80,9 +80,11 @@ class LawEnd(NamedTuple):
     Attributes
     ----------
     quantity
-        Quantity of the law: warp_strain, weft_strain or shear_angle.
+        Quantity of the law: warp_strain, weft_strain, shear_angle, warp_curvature or
+        weft_curvature.
     value, end
-        The value closest to the end, and the end; angles in radians.
+        The value closest to the end, and the end; angles in radians, curvatures in
+        1/mm.
     elements
         Numbers of the elements that are equally close.
     """
@@ -97,6 +99,8 @@ class LawEnd(NamedTuple):
         texts = f"{value:.3g}", f"{end:.3g}"
         if self.quantity == "shear_angle":
             texts = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
+        elif self.quantity.endswith("curvature"):
+            texts = f"{value:.3g} 1/mm", f"{end:.3g} 1/mm"
         text = f"the {name} is {texts[0]}, and the domain of its law ends at {texts[1]}"
         return text + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
 
@@ -119,9 +123,12 @@ class Fabric:
         -> (2, ...)``, or one vector per element, shape (2, n_elements).  They are
         normalised.
     bending
-        Bending stiffness of each family per width of ply in N·mm, a pair (warp, weft):
-        each a number or one per element, shape (n_elements,).  Fibres bend
-        independently, in space and in the plane.
+        Bending stiffness D of each family per width of ply in N·mm (moment M = D κ), a
+        pair (warp, weft): each a number or one per element, shape (n_elements,), or a
+        `Law` M(κ), of the curvature in 1/mm, such as `Bilinear`.  Fibres bend
+        independently, in space and in the plane.  A law that differs by the sign of the
+        curvature is positive where fibres bend to the left of their direction in the
+        plane, and towards the normal of the ply, +z at rest, in space.
     twist
         Twist stiffness D_t of the ply in N·mm, a number or one per element.  The energy
         per area is ½ D_t τ·τ, where τ is the mixed second derivative of the position
@@ -134,8 +141,10 @@ class Fabric:
     Raises
     ------
     ValueError
-        If a stiffness is negative, a direction is zero or not finite, warp and weft are
-        parallel, or the wrinkling angle is not between 0 and π/2.
+        If a stiffness is negative, a bending law is of another quantity, not defined
+        for both signs, or has curvatures of a radius below 1 mm, a direction is zero or
+        not finite, warp and weft are parallel, or the wrinkling angle is not between 0
+        and π/2.
 
     Examples
     --------
@@ -148,7 +157,7 @@ class Fabric:
     shear: Stiffness = 0.0
     warp: Direction = (1.0, 0.0)
     weft: Direction = (0.0, 1.0)
-    bending: tuple[ByElement, ByElement] = (0.0, 0.0)
+    bending: tuple[Stiffness, Stiffness] = (0.0, 0.0)
     twist: ByElement = 0.0
     wrinkling_angle: ByElement = 0.5 * np.pi
 
@@ -222,12 +231,26 @@ class Fabric:
     @property
     def bends(self) -> bool:
         """True if fibres have a bending stiffness, or the ply a twist stiffness."""
-        return any(np.any(D) for D in (*self.bending, self.twist))
+        return any(self.bent) or bool(np.any(self.twist))
+
+    @property
+    def bent(self) -> tuple[bool, bool]:
+        """True for warp and for weft, if they have a bending stiffness or law."""
+        of_each: tuple[Any, Any] = self.bending
+        warp, weft = (is_law(D) or bool(np.any(D)) for D in of_each)
+        return warp, weft
+
+    @cached_property
+    def bending_at_rest(self) -> tuple[ByElement, ByElement]:
+        """Bending stiffness of warp and weft at zero curvature in N·mm."""
+        warp, weft = map(_at_rest, self.bending)
+        return warp, weft
 
     @cached_property
     def unbounded(self) -> bool:
         """True if the domains of all laws are unbounded."""
-        stated = [getattr(law, "domain", None) for law in self.laws]
+        laws = *self.laws, *filter(is_law, self.bending)
+        stated = [getattr(law, "domain", None) for law in laws]
         return all(ends is not None and np.isinf(ends).all() for ends in stated)
 
     def in_domain(self, strain: ndarray, angle: ndarray) -> bool:
@@ -247,21 +270,32 @@ class Fabric:
             for low, high in [domain_of(law)]
         )
 
-    def closest_end(self, strain: ndarray, angle: ndarray) -> LawEnd | None:
+    def closest_end(
+        self,
+        strain: ndarray,
+        angle: ndarray,
+        curvatures: Iterable[tuple[str, ndarray, Any, Any]] = (),
+    ) -> LawEnd | None:
         """The closest end of a law; parameters as `in_domain`, (2, n_elements, n).
 
-        None if the domains of all laws are unbounded.
+        ``curvatures`` are, for each bending law, the name, the curvatures at points of
+        shape (n_elements, n), and the smallest and largest one.  None if the domains of
+        all laws are unbounded.
         """
+        named = zip(_QUANTITIES, self.laws, (*strain, angle), strict=True)
+        every = [(name, x, *domain_of(law)) for name, law, x in named]
         found = []
-        for name, law, x in zip(_QUANTITIES, self.laws, (*strain, angle), strict=True):
-            for end, side in zip(domain_of(law), (-1, 1), strict=True):
-                ends = np.broadcast_to(end, x.shape)
-                gaps = side * (ends - x)
-                at = int(np.argmin(gaps))
+        for name, x, *ends in (*every, *curvatures):
+            for end, side in zip(ends, (-1, 1), strict=True):
+                ends_at = np.broadcast_to(end, x.shape)
+                gaps = side * (ends_at - x)
+                if name.endswith("curvature"):  # of another unit: relative
+                    gaps = gaps / np.abs(ends_at)
+                at = int(np.nanargmin(gaps))
                 if np.isfinite(least := gaps.flat[at]):
-                    close = gaps <= least + _AS_CLOSE * np.abs(ends)
+                    close = gaps <= least + _AS_CLOSE * np.abs(ends_at)
                     elements = np.flatnonzero(close.any(axis=1))
-                    location = float(x.flat[at]), float(ends.flat[at]), elements
+                    location = float(x.flat[at]), float(ends_at.flat[at]), elements
                     found.append((least, LawEnd(name, *location)))
         return min(found, key=lambda each: each[0])[1] if found else None
 
@@ -323,14 +357,58 @@ def _law(name: str, law: Stiffness) -> Law:
         raise ValueError(f"{name} {error}") from None
 
 
-def _bending(value: Any) -> tuple[ByElement, ByElement]:
-    """Bending stiffnesses of warp and weft, validated."""
+def is_law(bending: Any) -> bool:
+    """True for a bending law, False for a stiffness, or one per element."""
+    return hasattr(bending, "energy")
+
+
+def _at_rest(bending: Stiffness) -> ByElement:
+    """Bending stiffness at zero curvature: a number, or one per element."""
+    given: Any = bending
+    if not is_law(given):
+        at_rest: ByElement = given
+        return at_rest
+    law = law_at(given, None)
+    if law is given:
+        return float(law.tangent(np.zeros(1))[0])
+    at_rest = law.tangent(np.zeros((1, 1)))[:, 0]
+    return at_rest
+
+
+def _bending(value: Any) -> tuple[Stiffness, Stiffness]:
+    """Bending stiffnesses or laws of warp and weft, validated."""
     if not isinstance(value, tuple | list) or len(value) != 2:
         raise ValueError(
-            f"bending must be a pair (warp, weft) of stiffnesses in N·mm, not {value!r}"
+            "bending must be a pair (warp, weft) of stiffnesses in N·mm or laws, not "
+            f"{value!r}"
         )
     warp, weft = value
-    return _stiffness("bending of warp", warp), _stiffness("bending of weft", weft)
+    return _bending_of("bending of warp", warp), _bending_of("bending of weft", weft)
+
+
+def _bending_of(name: str, value: Any) -> Stiffness:
+    """Bending stiffness or law of a family; a linear law is its stiffness."""
+    if isinstance(value, Linear):
+        value = value.stiffness
+    plain = isinstance(value, ndarray | list | tuple | int | float | np.generic | str)
+    if plain or value is None:
+        return _stiffness(name, value)
+    law = _law(name, value)
+    if (of := getattr(law, "of", None)) not in (None, "bending"):
+        raise ValueError(
+            f"{name}: {type(law).__name__} is a law of {of}, not of the curvature"
+        )
+    ends = [np.ravel(end) for end in domain_of(law)]
+    if not (np.max(ends[0]) < 0 < np.min(ends[1])):
+        raise ValueError(
+            f"{name}: a law must be defined for both signs of the curvature, but its "
+            f"domain is {ends[0].max():g} to {ends[1].min():g} 1/mm: a table that "
+            "starts at 0 requires odd=True (in a case file, continuation = 'odd')"
+        )
+    finite = np.concatenate([end[np.isfinite(end)] for end in ends])
+    refuse_other_units(name, finite, "bending")
+    refuse_other_units(name, getattr(law, "shown", None) or 0.0, "bending")
+    return law
 
 
 def _stiffness(name: str, value: Any) -> ByElement:

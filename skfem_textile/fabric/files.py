@@ -14,6 +14,7 @@ from ..mesh.user_input import excerpt, printable
 from .directions import AlongCurve
 from .fabric import Fabric
 from .law import BiaxialLaw, Law, Linear, TwoLaws
+from .laws.bending import Bilinear
 from .laws.biaxial import CrimpedYarns, CrimpInterchange, Softening
 from .laws.polynomial import Polynomial
 from .laws.shear import Locking, Sin2, TangentShear
@@ -30,7 +31,7 @@ _OTHERS = "bending", "twist", "wrinkling_angle"
 _LAWS: tuple[type[Any], ...] = (
     *(Linear, Sin2, Polynomial, Locking, Tabulated, TangentShear),
     *(CrimpToe, TensionOnly, Asymmetric, Pretensioned, CrimpInterchange, CrimpedYarns),
-    *(TwoLaws, RegionalLaw, RegionalTensions),
+    *(Bilinear, TwoLaws, RegionalLaw, RegionalTensions),
 )
 
 # Classes in a file: laws, their components, and directions.

@@ -24,13 +24,16 @@ from numpy import ndarray
 from ..mesh.user_input import keep_copies, shortened
 
 #: Quantities of a law.
-Resistance: TypeAlias = Literal["tension", "shear"]
+Resistance: TypeAlias = Literal["tension", "shear", "bending"]
 
 #: Largest shear angle in radians: at a right angle both families are parallel.
 RIGHT_ANGLE = 0.5 * np.pi
 
 #: Largest strain of a fibre, far beyond the strain of any fibre or crimp.
 LARGEST_STRAIN = 1.0
+
+#: Largest curvature of a fibre in 1/mm: a radius of 1 mm, about the thickness of a ply.
+LARGEST_CURVATURE = 1.0
 
 # Relative rounding tolerance of a right angle.
 _ROUNDING = 1e-9
@@ -45,7 +48,8 @@ class Law(Protocol):
 
     For fibres ``x`` is the fibre strain ε and ``value`` the tension T in N/mm; for
     shear ``x`` is the shear angle Γ in radians and ``value`` the shear moment M_s in
-    N/mm.  All three methods accept and return arrays.
+    N/mm; for bending ``x`` is the curvature κ in 1/mm and ``value`` the moment M in
+    N·mm per mm of width.  All three methods accept and return arrays.
 
     A law that varies by element has a method ``at``: for element numbers of shape (n,
     n_points) or (n, 1), or None for all elements, it returns the law at these points,
@@ -73,22 +77,22 @@ class Law(Protocol):
 
 
 class ScalarLaw:
-    """Base class of the laws of one fibre strain or shear angle in this package.
+    """Base class of the laws of one argument in this package.
 
     Attributes
     ----------
     of
-        Quantity of the law, ``tension`` or ``shear``; None for either.
+        Quantity of the law, ``tension``, ``shear`` or ``bending``; None for any.
     """
 
-    of: ClassVar[Literal["tension", "shear"] | None] = None
+    of: ClassVar[Resistance | None] = None
 
     @property
     def shown(self) -> tuple[float, float] | None:
         """Smallest and largest argument of practical interest, or None.
 
-        Fibre strains (-) or shear angles (rad).  It is the range of graphs, and
-        `check_laws` tests a law with an unbounded domain in this range.
+        Fibre strains (-), shear angles (rad) or curvatures (1/mm).  It is the range of
+        graphs, and `check_laws` tests a law with an unbounded domain in this range.
         """
         return None
 
@@ -406,14 +410,15 @@ def number(name: str, value: Any, above: float | None = None) -> float:
 def refuse_other_units(
     name: str, values: Any, of: Resistance | None, ask: bool = True
 ) -> None:
-    """Refuse shear angles beyond a right angle, and strains beyond `LARGEST_STRAIN`.
+    """Refuse angles beyond a right angle, `LARGEST_STRAIN` and `LARGEST_CURVATURE`.
 
     The values are shear angles in radians if ``of`` is "shear", strains if it is
-    "tension", and either if it is None.  By default the message asks whether they are
-    in degrees or per cent.
+    "tension", curvatures in 1/mm if it is "bending", and any of them if it is None.  By
+    default the message asks whether they are in another unit.
     """
     x = np.ravel(values)
-    most = LARGEST_STRAIN if of == "tension" else RIGHT_ANGLE
+    limits = {"tension": LARGEST_STRAIN, "bending": LARGEST_CURVATURE}
+    most = RIGHT_ANGLE if of is None else limits.get(of, RIGHT_ANGLE)
     beyond = x[np.abs(x) > most * (1 + _ROUNDING)]
     if not beyond.size:
         return
@@ -421,6 +426,7 @@ def refuse_other_units(
     symbol, end, unit = {
         "shear": (" rad", angle, "degrees"),
         "tension": ("", f"the largest strain, {most:g}", "per cent"),
+        "bending": (" 1/mm", "the largest curvature, of a radius of 1 mm", "1/m"),
         None: ("", angle, "degrees, or in per cent"),
     }[of]
     question = f": is the value in {unit}?" if ask else ""

@@ -13,11 +13,12 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import error_text
-from .fabric import Fabric
-from .law import BiaxialLaw, Law, LawAlong, TwoLaws, is_zero
+from .fabric import Fabric, is_law
+from .law import BiaxialLaw, Law, LawAlong, TwoLaws, is_zero, law_at
 
-# Range of arguments at which a law without a domain is evaluated.
-_STRAIN, _ANGLE = 0.1, np.radians(80.0)
+# Range of arguments at which a law without a domain is evaluated: strain, angle in
+# radians, and curvature in 1/mm, of a radius of ten times the thickness of a ply.
+_STRAIN, _ANGLE, _CURVATURE = 0.1, np.radians(80.0), 0.1
 
 # Number of arguments: for a uniform law, and for one that varies by point.
 _DENSE, _COARSE = 2000, 18
@@ -52,10 +53,10 @@ def check_laws(fabric: Fabric, shape: tuple[int, ...]) -> None:
     """Refuse laws whose energy, value and tangent contradict each other.
 
     They are compared where they are finite, and must return arrays of real numbers of
-    the shape of their argument.  The message names the fibre family or the shear, the
-    method and the argument.  The integration points of a ply have the shape
-    (n_elements, n_points): a law that varies by point is evaluated there, at fewer
-    arguments.
+    the shape of their argument.  The message names the fibre family, shear or
+    bending, the method and the argument.  The integration points of a ply have the
+    shape (n_elements, n_points): a law that varies by point is evaluated there, at
+    fewer arguments.
     """
     warp, weft = fabric.families
     if not isinstance(fabric.tensions, TwoLaws):
@@ -65,6 +66,11 @@ def check_laws(fabric: Fabric, shape: tuple[int, ...]) -> None:
         if weft.tension is not warp.tension:
             _check_law("weft", "ε", weft.tension, _STRAIN, shape)
     _check_law("shear", "Γ", fabric.shear_law, _ANGLE, shape)
+    bending: tuple[Any, Any] = fabric.bending
+    for family, law in zip(fabric.families, bending, strict=True):
+        if is_law(law):
+            name = f"bending of {family.name}"
+            _check_law(name, "κ", law_at(law, None), _CURVATURE, shape)
 
 
 def _check_tensions(law: BiaxialLaw, shape: tuple[int, ...]) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from .fabric import Direction, Fabric, unit_vectors
-from .law import BiaxialLaw, TwoLaws, domain_of, law_at
+from .fabric import Direction, Fabric, is_law, unit_vectors
+from .law import BiaxialLaw, Linear, TwoLaws, domain_of, law_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +145,9 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
             return replace(data, region=data.region[parent])
         return data[:, parent] if isinstance(data, ndarray) else law_at(data, parent)
 
+    def on_elements(name: str, value: Any) -> Any:
+        return _on_elements(name, value, parent)
+
     tension: Any = fabric.tensions
     if isinstance(tension, TwoLaws):
         warp, weft = tension.laws
@@ -154,11 +157,11 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     warp, weft = (carried(f.name, _as_array(f.direction)) for f in fabric.families)
     shear = carried("shear", fabric.shear_law)
     of_warp, of_weft = (
-        _on_elements(f"bending of {f.name}", D, parent)
+        (carried if is_law(D) else on_elements)(f"bending of {f.name}", D)
         for f, D in zip(fabric.families, fabric.bending, strict=True)
     )
     twist, wrinkling_angle = (
-        _on_elements(name.replace("_", " "), getattr(fabric, name), parent)
+        on_elements(name.replace("_", " "), getattr(fabric, name))
         for name in ("twist", "wrinkling_angle")
     )
     bending = of_warp, of_weft
@@ -233,7 +236,7 @@ def fabric_of_regions(
     warp, weft = zip(*all_families, strict=True)
     parent = np.arange(len(region)) if parent is None else parent
     bending = zip(*(fabric.bending for fabric in fabrics.values()), strict=True)
-    of_warp, of_weft = (_numbers("bending", D, region, parent) for D in bending)
+    of_warp, of_weft = (_bending(D, region, parent) for D in bending)
     twist = [fabric.twist for fabric in fabrics.values()]
     angles = [fabric.wrinkling_angle for fabric in fabrics.values()]
     return Fabric(
@@ -245,6 +248,17 @@ def fabric_of_regions(
         twist=_numbers("twist", twist, region, parent),
         wrinkling_angle=_numbers("wrinkling angle", angles, region, parent),
     )
+
+
+def _bending(values: Sequence[Any], region: ndarray, parent: ndarray) -> Any:
+    """Bending stiffness, or a law in each element if a fabric has a law."""
+    if not any(map(is_law, values)):
+        return _numbers("bending", values, region, parent)
+    laws = [
+        value if is_law(value) else Linear(_on_elements("bending", value, parent))
+        for value in values
+    ]
+    return RegionalLaw(laws, region)
 
 
 def _numbers(

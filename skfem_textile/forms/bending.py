@@ -1,4 +1,6 @@
-"""Bending of fibres: the constant matrix of ½ D ∫ |κ|², one fibre family at a time.
+"""Bending of fibres, one family at a time: the constant matrix of ½ D ∫ |κ|².
+
+Bending laws use the same curvature vectors, see `curvature` and `bending_laws`.
 
 κ = ∇∇x : A⊗A is the second derivative of the position along the fibre in mm⁻¹.  It is
 linear in the displacement, rotates with the ply in space, and vanishes at rest, even
@@ -140,7 +142,7 @@ def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
 
 
 # Threshold below which an eigenvalue of a sum of N⊗N is treated as zero.
-_NONE = 1e-9
+NONE = 1e-9
 
 
 def matrix_of_quadrilaterals(
@@ -154,8 +156,27 @@ def matrix_of_quadrilaterals(
 ) -> Any:
     """Matrix of the bending energy on a `skfem.MeshQuad`; see `_matrix`."""
     basis = CellBasis(mesh, ElementQuad1(), intorder=3)
-    overlap, stiffness = (asm(_PRODUCT, basis, D=x[:, None]) for x in (D * 0 + 1, D))
+    overlap, stiffness = (asm(PRODUCT, basis, D=x[:, None]) for x in (D * 0 + 1, D))
     area, D_area = (np.asarray(x.sum(axis=1)).ravel() for x in (overlap, stiffness))
+    L = slope_differences(basis, along, clamped, mirrors)
+    left_out = excluded_components(mesh, free, mirrors, d)
+    weights = (
+        component_areas(overlap, area, left_out) * (D_area / area**3)[:, None, None]
+    )
+    if not mirrors.facets.size:
+        return kron(L.T @ diags(weights[:, 0, 0]) @ L, identity(d))
+    every = kron(L, identity(d), format="csr")
+    return every.T @ block_diag(weights, format="csr") @ every
+
+
+def slope_differences(
+    basis: CellBasis,
+    along: tuple[ndarray, ndarray],
+    clamped: Clamps,
+    mirrors: EndEdges,
+) -> csr_matrix:
+    """L: weak curvatures at the nodes, times their areas."""
+    mesh: Any = basis.mesh
     A, B = along
     L = asm(_ALONG_FIBRES, basis, A=A[:, :, None], B=B[:, :, None])
     if np.ptp(along, axis=2).any():
@@ -163,17 +184,12 @@ def matrix_of_quadrilaterals(
     if mirrors.facets.size:
         edges = FacetBasis(mesh, ElementQuad1(), facets=mirrors.facets, intorder=3)
         L = L - asm(_EVEN, edges, A=mirrors.A[:, :, None])
-    L = hstack([L, -_prescribed_slopes(mesh, clamped)], format="csr")
-    left_out = _left_out(mesh, free, mirrors, d)
-    weights = _weights(overlap, area, left_out) * (D_area / area**3)[:, None, None]
-    if not mirrors.facets.size:
-        return kron(L.T @ diags(weights[:, 0, 0]) @ L, identity(d))
-    every = kron(L, identity(d), format="csr")
-    return every.T @ block_diag(weights, format="csr") @ every
+    return hstack([L, -_prescribed_slopes(mesh, clamped)], format="csr")
 
 
 @BilinearForm
-def _PRODUCT(u, v, w):
+def PRODUCT(u, v, w):
+    """Product D u v."""
     return w["D"] * u * v
 
 
@@ -195,14 +211,14 @@ def _OF_JUMP(u, v, w):
     return 0.5 * v * dot(w["jump"], grad(u))
 
 
-def _sides(mesh: Any, element: Any, order: int) -> list[InteriorFacetBasis]:
+def both_sides(mesh: Any, element: Any, order: int) -> list[InteriorFacetBasis]:
     """Bases of interior edges in the elements on both sides."""
     return [InteriorFacetBasis(mesh, element, intorder=order, side=i) for i in (0, 1)]
 
 
 def _of_jumps_between_quadrilaterals(mesh: Any, A: ndarray, B: ndarray) -> Any:
     """∮ φ_i ½ [(A·N) B + (B·N) A]·{∇φ_j} over interior edges; [] is the jump."""
-    sides = _sides(mesh, ElementQuad1(), 3)
+    sides = both_sides(mesh, ElementQuad1(), 3)
     n = np.asarray(sides[0].normals)
     one, other = (
         0.5 * (dot(a, n) * b + dot(b, n) * a)
@@ -223,7 +239,9 @@ def _prescribed_slopes(mesh: Any, clamped: Clamps) -> csr_matrix:
     return to_nodes @ clamped.turned
 
 
-def _left_out(mesh: Any, free: EndEdges, mirrors: EndEdges, d: int) -> ndarray:
+def excluded_components(
+    mesh: Any, free: EndEdges, mirrors: EndEdges, d: int
+) -> ndarray:
     """Projectors on the excluded components of m, shape (n_nodes, d, d)."""
     N = np.zeros((d, mirrors.facets.size))
     N[:2] = mirrors.N
@@ -232,13 +250,13 @@ def _left_out(mesh: Any, free: EndEdges, mirrors: EndEdges, d: int) -> ndarray:
         np.add.at(projectors, nodes, np.einsum("in,jn->nij", N, N))
     nodes = np.unique(mesh.facets[:, mirrors.facets])
     values, vectors = np.linalg.eigh(projectors[nodes])
-    odd = vectors * (values > _NONE)[:, None]
+    odd = vectors * (values > NONE)[:, None]
     projectors[nodes] = odd @ vectors.swapaxes(1, 2)
     projectors[mesh.facets[:, free.facets]] = np.eye(d)
     return projectors
 
 
-def _weights(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
+def component_areas(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
     """Areas of the components of m at the nodes, shape (n_nodes, d, d).
 
     The area of an excluded component is distributed equally among the retained
@@ -258,7 +276,7 @@ def _weights(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
 # mesh: ¾ |f| (1/|K⁺| + 1/|K⁻|) inside and 3 |f|/|K| on the boundary, as a triangle has
 # three edges.  With a larger value plates are stiffer; with a smaller one coarse
 # cantilevers take more steps.
-_JUMPS = 0.2
+JUMPS = 0.2
 
 
 def matrix_of_triangles(
@@ -271,10 +289,52 @@ def matrix_of_triangles(
     d: int,
 ) -> Any:
     """Matrix of the bending energy on a `skfem.MeshTri`; see `_matrix`."""
+    area = triangle_areas(mesh)
+    K = _penalties(mesh, along, D, clamped, mirrors, d)
+    curvature = integrals_of_curvature(mesh, along, free, clamped, mirrors, d)
+    every: Any = identity(d)
+    return K + curvature.T @ kron(diags(D / area), every) @ curvature
+
+
+def triangle_areas(mesh: Any) -> ndarray:
+    """Areas of triangles."""
     (a, b), (c, e) = (mesh.p[:, mesh.t[i]] - mesh.p[:, mesh.t[0]] for i in (1, 2))
-    area = 0.5 * np.abs(a * e - b * c)
+    area: ndarray = 0.5 * np.abs(a * e - b * c)
+    return area
+
+
+def _penalties(
+    mesh: Any,
+    along: tuple[ndarray, ndarray],
+    D: ndarray,
+    clamped: Clamps,
+    mirrors: EndEdges,
+    d: int,
+) -> Any:
+    """Penalty matrix of jumps of the slope, and of slopes relative to clamps."""
+    area, n_turned = triangle_areas(mesh), clamped.turned.shape[1]
+    slope = clamped.edges.A * clamped.edges.across
+    K = block_diag([_of_jumps(mesh, along, D, area), csr_matrix((n_turned, n_turned))])
+    K = K + _clamp_penalty(mesh, clamped.edges, slope, D, area, clamped.turned)
+    K = kron(K, identity(d))
+    for edges, even in planes_of_symmetry(mirrors, d):
+        slope = edges.N * edges.across**2
+        none = csr_matrix((edges.facets.size, n_turned))
+        K = K + kron(_clamp_penalty(mesh, edges, slope, D, area, none), even)
+    return K
+
+
+def integrals_of_curvature(
+    mesh: Any,
+    along: tuple[ndarray, ndarray],
+    free: EndEdges,
+    clamped: Clamps,
+    mirrors: EndEdges,
+    d: int,
+) -> Any:
+    """Mean curvatures of the triangles, times their areas."""
     curvature = hstack([_inside(mesh, along), _prescribed(mesh, clamped)])
-    n_turned = curvature.shape[1] - mesh.nvertices - mesh.nfacets
+    n_turned = clamped.turned.shape[1]
 
     def through(edges: EndEdges, slope: ndarray) -> Any:
         none = csr_matrix((mesh.nelements, n_turned))
@@ -283,20 +343,14 @@ def matrix_of_triangles(
     for edges in (free, mirrors):
         B = along[1][:, mesh.f2t[0, edges.facets]]
         curvature = curvature + through(edges, B * edges.across)
-    slope = clamped.edges.A * clamped.edges.across
-    K = block_diag([_of_jumps(mesh, along, D, area), csr_matrix((n_turned, n_turned))])
-    K = K + _clamp_penalty(mesh, clamped.edges, slope, D, area, clamped.turned)
-    every: Any = identity(d)
-    K, curvature = kron(K, every), kron(curvature, every)
-    for edges, even in _planes(mirrors, d):
+    curvature = kron(curvature, identity(d))
+    for edges, even in planes_of_symmetry(mirrors, d):
         slope = edges.N * edges.across**2
-        none = csr_matrix((edges.facets.size, n_turned))
         curvature = curvature - kron(through(edges, slope), even)
-        K = K + kron(_clamp_penalty(mesh, edges, slope, D, area, none), even)
-    return K + curvature.T @ kron(diags(D / area), every) @ curvature
+    return curvature
 
 
-def _planes(mirrors: EndEdges, d: int) -> Iterator[tuple[EndEdges, ndarray]]:
+def planes_of_symmetry(mirrors: EndEdges, d: int) -> Iterator[tuple[EndEdges, ndarray]]:
     """Edges on each plane of symmetry, and the projector on the even components."""
     for normal in np.unique(mirrors.N.round(9), axis=1).T:
         on = np.abs(mirrors.N - normal[:, None]).max(axis=0) < 1e-8
@@ -305,7 +359,8 @@ def _planes(mirrors: EndEdges, d: int) -> Iterator[tuple[EndEdges, ndarray]]:
 
 
 @BilinearForm
-def _FLUX(u, v, w):
+def FLUX(u, v, w):
+    """Slope of u along a vector, times v."""
     return v * dot(w["slope"], grad(u))
 
 
@@ -317,14 +372,14 @@ def _JUMP(u, v, w):
 def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
     """∮ (A·n)(B·{∇u}) over the edges of each triangle that are inside the ply."""
     slopes, triangles = (
-        _sides(mesh, element(), 2) for element in (ElementTriP2, ElementTriP0)
+        both_sides(mesh, element(), 2) for element in (ElementTriP2, ElementTriP0)
     )
     n = np.asarray(slopes[0].normals)
     inside: Any = 0.0
     for sign, basis in zip((1, -1), triangles, strict=True):
         A, B = (direction[:, basis.tind, None] for direction in along)
         slope = 0.5 * sign * dot(A, n) * B
-        inside = inside + sum(asm(_FLUX, side, basis, slope=slope) for side in slopes)
+        inside = inside + sum(asm(FLUX, side, basis, slope=slope) for side in slopes)
     return inside
 
 
@@ -345,14 +400,14 @@ def _through(mesh: Any, edges: EndEdges, slope: ndarray) -> Any:
         FacetBasis(mesh, element(), facets=edges.facets, intorder=2)
         for element in (ElementTriP2, ElementTriP0)
     )
-    return asm(_FLUX, slopes, triangles, slope=slope[:, :, None])
+    return asm(FLUX, slopes, triangles, slope=slope[:, :, None])
 
 
 def _of_jumps(
     mesh: Any, along: tuple[ndarray, ndarray], D: ndarray, area: ndarray
 ) -> Any:
     """Penalty on jumps of the slope between triangles."""
-    sides = _sides(mesh, ElementTriP2(), 2)
+    sides = both_sides(mesh, ElementTriP2(), 2)
     n, length = np.asarray(sides[0].normals), sides[0].dx.sum(axis=1)[:, None]
     A, B = ([dot(x[:, side.tind, None], n) for side in sides] for x in along)
     most = np.max(
@@ -361,7 +416,7 @@ def _of_jumps(
     )
     least = 0.75 * length * sum(1 / area[side.tind, None] for side in sides)
     return sum(
-        (1 if u is v else -1) * asm(_JUMP, u, v, stiffness=_JUMPS * least * most)
+        (1 if u is v else -1) * asm(_JUMP, u, v, stiffness=JUMPS * least * most)
         for u in sides
         for v in sides
     )
@@ -379,6 +434,15 @@ def _clamp_penalty(
     if not edges.facets.size:
         n = mesh.nvertices + mesh.nfacets + turned.shape[1]
         return csr_matrix((n, n))
+    off, basis = slopes_off(mesh, edges, slope, turned)
+    least = 3 * basis.dx.sum(axis=1) / area[basis.tind] * D[basis.tind]
+    return off.T @ diags((JUMPS * least[:, None] * basis.dx).ravel()) @ off
+
+
+def slopes_off(
+    mesh: Any, edges: EndEdges, slope: ndarray, turned: csr_matrix
+) -> tuple[Any, FacetBasis]:
+    """Operator of slopes relative to the clamp at points of edges, and their basis."""
     basis = FacetBasis(mesh, ElementTriP2(), facets=edges.facets, intorder=2)
     slopes = np.array(
         [dot(slope[:, :, None], np.asarray(phi[0].grad)) for phi in basis.basis]
@@ -389,9 +453,7 @@ def _clamp_penalty(
     rows = np.broadcast_to(points, slopes.shape)
     shape = slopes[0].size, basis.N
     at_points = csr_matrix((slopes.ravel(), (rows.ravel(), columns.ravel())), shape)
-    off = hstack([at_points, -kron(turned, np.ones((n_points, 1)))])
-    least = 3 * basis.dx.sum(axis=1) / area[basis.tind] * D[basis.tind]
-    return off.T @ diags((_JUMPS * least[:, None] * basis.dx).ravel()) @ off
+    return hstack([at_points, -kron(turned, np.ones((n_points, 1)))]), basis
 
 
 def bending_matrix(
@@ -413,7 +475,13 @@ def bending_matrix(
     ends
         Boundary conditions of fibre ends, by boundary name.
     """
-    mesh: Mesh = basis.mesh
+    return _matrix(basis, (A, A), D, *ends_of(basis.mesh, A, ends))
+
+
+def ends_of(
+    mesh: Mesh, A: ndarray, ends: Mapping[str, FibreEnd]
+) -> tuple[EndEdges, Clamps, EndEdges]:
+    """Free, clamped and mirrored edges at which fibres end."""
     turning = [mesh.boundaries[name] for name, end in ends.items() if callable(end)]
     keeping, mirrored = (_facets(mesh, ends, kind) for kind in FIBRE_ENDS)
     clamped = np.unique(np.concatenate([keeping, *turning]))
@@ -421,7 +489,7 @@ def bending_matrix(
     at_free, at_clamps, mirrors = (
         end_edges(mesh, A, facets) for facets in (free, clamped, mirrored)
     )
-    return _matrix(basis, (A, A), D, at_free, clamps(at_clamps, turning), mirrors)
+    return at_free, clamps(at_clamps, turning), mirrors
 
 
 def twist_matrix(
@@ -462,11 +530,19 @@ def _matrix(
     are edges on planes of symmetry.
     """
     mesh: Mesh = basis.mesh
-    d = components(basis)
-    quads = isinstance(basis.elem.elem, ElementQuad1)  # type: ignore[attr-defined]
+    quads = on_quadrilaterals(basis)
     matrix = matrix_of_quadrilaterals if quads else matrix_of_triangles
-    K = matrix(mesh, along, D, free, clamped, mirrors, d)
+    K = matrix(mesh, along, D, free, clamped, mirrors, components(basis))
+    return _symmetric(K)
+
+
+def _symmetric(K: Any) -> csr_matrix:
     return csr_matrix((K + K.T) / 2)
+
+
+def on_quadrilaterals(basis: AbstractBasis) -> bool:
+    """Return True for bilinear quadrilaterals, False for quadratic triangles."""
+    return isinstance(basis.elem.elem, ElementQuad1)  # type: ignore[attr-defined]
 
 
 def _facets(mesh: Mesh, ends: Mapping[str, FibreEnd], kind: str) -> ndarray:

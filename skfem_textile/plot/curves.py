@@ -102,8 +102,8 @@ def _columns(labels: Sequence[str], width: float) -> int:
 
 
 # Largest argument for laws without a default range or a finite domain: fibre strain,
-# and shear angle in radians.
-_STRAIN, _ANGLE = 0.02, np.radians(60.0)
+# shear angle in radians, and curvature in 1/mm.
+_STRAIN, _ANGLE, _CURVATURE = 0.02, np.radians(60.0), 0.02
 
 _N_POINTS = 401
 
@@ -115,9 +115,10 @@ _STRAIN_RATIOS = (-0.5, 0.0, 0.5, 1.0)
 _AXES: dict[str | None, tuple[str, str, float]] = {
     "tension": ("fibre strain ε (-)", "tension T (N/mm)", 1.0),
     "shear": ("shear angle Γ (deg)", "shear moment (N mm/mm²)", 180.0 / np.pi),
+    "bending": ("curvature κ (1/mm)", "bending moment (N mm/mm)", 1.0),
     None: (
-        "fibre strain (-) or shear angle (rad)",
-        "tension or shear moment (N/mm)",
+        "fibre strain (-), shear angle (rad) or curvature (1/mm)",
+        "tension or moment (N/mm, or N mm/mm in bending)",
         1.0,
     ),
 }
@@ -126,7 +127,7 @@ _AXES: dict[str | None, tuple[str, str, float]] = {
 def plot_law(
     law: Law | BiaxialLaw,
     axes: Axes | None = None,
-    of: Literal["tension", "shear"] | None = None,
+    of: Literal["tension", "shear", "bending"] | None = None,
 ) -> Axes:
     """Plot the value of a law against its argument, with units.
 
@@ -139,13 +140,13 @@ def plot_law(
         Axes of the plot; by default, of a new pyplot figure.
     of
         Quantity of the law, which determines labels and units; by default ``law.of``.
-        Without either, labels name both quantities.
+        Without either, labels name all quantities.
 
     Returns
     -------
     matplotlib.axes.Axes
-        Axes: fibre strain (-) and tension (N/mm), or shear angle (deg) and shear moment
-        (N mm/mm²).
+        Axes: fibre strain (-) and tension (N/mm), shear angle (deg) and shear moment (N
+        mm/mm²), or curvature (1/mm) and bending moment (N mm/mm).
 
     Examples
     --------
@@ -160,7 +161,8 @@ def plot_law(
     axes = _axes(axes)
     quantity = of or getattr(law, "of", None)
     x_label, y_label, unit = _AXES[quantity]
-    low, high = _ends(law, _STRAIN if quantity == "tension" else _ANGLE)
+    reach = {"tension": _STRAIN, "shear": _ANGLE, "bending": _CURVATURE}
+    low, high = _ends(law, reach[quantity or "shear"])
     x = np.linspace(low, high, _N_POINTS)
     with np.errstate(all="ignore"):  # gaps where values are not finite
         (line,) = axes.plot(unit * x, law.value(x))

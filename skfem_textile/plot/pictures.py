@@ -340,7 +340,7 @@ def verdict(
     if not all(hasattr(at, "verdict") for at in picture.states):
         raise ValueError("a displacement on a basis has no checks: pass a Result")
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
-    shown_field = field_of(field or next(filter(None, ended), "area_ratio"))
+    shown_field = field_of(field or next(filter(FIELDS.get, ended), "area_ratio"))
     fields, scale = picture.on_one_scale(shown_field, cmap, clim)
     titles = map(_check_title, results, picture.states)
     row = [

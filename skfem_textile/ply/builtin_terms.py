@@ -1,9 +1,9 @@
 """Terms of bending, and of resistance to folding at corners and out of plane."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -13,14 +13,19 @@ from skfem import CellBasis, Mesh, asm
 from skfem.helpers import cross
 
 from ..fabric import Fabric
+from ..fabric.fabric import is_law
+from ..fabric.law import LARGEST_CURVATURE, law_at
 from ..forms.in_plane import RESISTING, corner_resistance
 from ..forms.kernels.elements import hourglass_mode
 from ..forms.kernels.kernel import node_pair_blocks
-from ..mesh.bases import CornerBasis, Corners, components
+from ..mesh.bases import CornerBasis, Corners, components, node_positions
 from ..mesh.selection import FIBRE_ENDS, FibreEnd, Turning
 from ..mesh.user_input import call_user_function, real_numbers, shortened
 from .parameters import NO_VALUES, Values
 from .terms import ElementTerm, FormTerm, MatrixTerm, named_edges
+
+if TYPE_CHECKING:
+    from ..forms.bending_laws import BentFibres
 
 # Lower bound of κ relative to the fibre stiffness.  A larger value adds energy where
 # corners close; a smaller one lets them come closer to folding.  One tenth and ten
@@ -168,23 +173,55 @@ class OutOfPlane(FormTerm):
 
 @dataclass(frozen=True, eq=False)
 class BendingTerm(MatrixTerm):
-    """Energy ½ v·K·v with optionally rotating clamps; v as in `bending_matrix`.
+    """Energy ½ v·K·v, and of families with bending laws; v as in `bending_matrix`.
 
-    ``matrix`` is the displacement block of K, ``whole`` is K, and ``turning`` are the
-    rotating clamps by boundary name.
+    ``matrix`` is the displacement block of K, ``whole`` is K, ``turning`` are the
+    rotating clamps by boundary name, and ``bent`` the families with laws.
     """
 
     whole: csr_matrix = field(kw_only=True)
     turning: Mapping[str, Turning] = field(kw_only=True)
+    bent: Sequence["BentFibres"] = field(kw_only=True, default=())
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
-        """½ v·K·v."""
+        """½ v·K·v, and the energies of the laws."""
         v = self._with_turns(u, t)
-        return 0.5 * float(v @ (self.whole @ v))
+        of_laws = sum(fibres.energy(v) for fibres in self.bent)
+        return 0.5 * float(v @ (self.whole @ v)) + of_laws
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """Rows of K·v that belong to the displacement."""
-        return (self.whole @ self._with_turns(u, t))[: len(u)]
+        """Derivative of the energy: rows that belong to the displacement."""
+        v = self._with_turns(u, t)
+        forces = self.whole @ v
+        for fibres in self.bent:
+            forces = forces + fibres.forces(v)
+        return forces[: len(u)]
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
+        """K, and the second derivatives of the energies of the laws."""
+        K, v = super().tangent(u, t, p), self._with_turns(u, t)
+        for fibres in self.bent:
+            K = K + fibres.stiffness(v)[: len(u), : len(u)]
+        return K
+
+    def couples(self) -> Sequence[ndarray] | None:
+        """See `Term`; at rest some stiffnesses of the laws may be zero."""
+        if not self.bent:
+            return None
+        n = self.matrix.shape[0]
+        d = self.bent[0].d
+        of_laws = [fibres.couples() for fibres in self.bent]
+        pairs = (np.array(self.matrix.nonzero()) // d, *of_laws)
+        return [x[:, (x < n // d).all(axis=0)] for x in pairs]
+
+    def ends(self, u: ndarray, t: float) -> Iterator[tuple[str, ndarray, Any, Any]]:
+        """Of each law: name of its curvature, curvatures at points, smallest, largest.
+
+        Curvatures have the shape (n_elements, n_points).
+        """
+        v = self._with_turns(u, t)
+        for fibres in self.bent:
+            yield f"{fibres.name}_curvature", fibres.curvatures(v), *fibres.ends
 
     def _with_turns(self, u: ndarray, t: float) -> ndarray:
         n = self.whole.shape[0] - len(u)
@@ -216,7 +253,7 @@ def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
 def bending_term(
     basis: CellBasis, fabric: Fabric, ends: Mapping[str, FibreEnd]
 ) -> BendingTerm:
-    """Term ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²).
+    """Term ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²), or of laws instead of D₁ and D₂.
 
     Directions are evaluated at the mean of the nodes of each element.  ``ends`` are the
     fibre ends by boundary name.
@@ -225,28 +262,54 @@ def bending_term(
 
     mesh = basis.mesh
     centres = mesh.p[:, mesh.t].mean(axis=1)[:, :, None]
-    warp, weft = (
+    warp, weft = both = tuple(
         np.broadcast_to(A, centres.shape)[..., 0] for A in fabric.directions(centres)
     )
-    *bending, twist = (
-        np.broadcast_to(D, mesh.nelements).astype(float)
-        for D in (*fabric.bending, fabric.twist)
-    )
-    K: Any = 0.0
-    for A, D in zip((warp, weft), bending, strict=True):
-        if D.any():
-            K = K + bending_matrix(basis, A, D, ends)
+
+    def by_element(D: Any) -> ndarray:
+        return np.broadcast_to(D, mesh.nelements).astype(float)
+
     turning = {name: end for name, end in ends.items() if callable(end)}
-    if twist.any():
-        of_twist = twist_matrix(basis, warp, weft, twist)
-        n = basis.N + 2 * len(turning) * components(basis)
+    n = basis.N + 2 * len(turning) * components(basis)
+    K: Any = 0.0
+    bent: list[BentFibres] = []
+    bending: tuple[Any, Any] = fabric.bending
+    for family, D in enumerate(bending):
+        if is_law(D):
+            bent.append(_bent_fibres(basis, fabric, both, family, ends))
+        elif np.any(D):
+            K = K + bending_matrix(basis, both[family], by_element(D), ends)
+    if np.any(fabric.twist):
+        of_twist = twist_matrix(basis, warp, weft, by_element(fabric.twist))
         of_twist.resize(n, n)
         K = K + of_twist
-    full = csr_matrix(K)
+    full = csr_matrix((n, n)) if np.isscalar(K) else csr_matrix(K)
     matrix = full[: basis.N, : basis.N]
-    term = BendingTerm("bending", matrix, whole=full, turning=turning)
+    term = BendingTerm("bending", matrix, whole=full, turning=turning, bent=bent)
     term.energy(basis.zeros(), 0.0)  # refuses invalid rotations
     return term
+
+
+def _bent_fibres(
+    basis: CellBasis,
+    fabric: Fabric,
+    directions: Sequence[ndarray],
+    family: int,
+    ends: Mapping[str, FibreEnd],
+) -> "BentFibres":
+    """Family with a bending law, whose sign is defined if it is not symmetric."""
+    from ..forms.bending_laws import BentFibres, frame_of, is_symmetric
+    from ..forms.curvature import curvature_of
+
+    law: Any = fabric.bending[family]
+    name = fabric.families[family].name
+    d, frame = components(basis), None
+    curvature = curvature_of(basis, directions[family], ends)
+    if not is_symmetric(law_at(law, None), LARGEST_CURVATURE):
+        needed = directions if d == 3 else [directions[family]]
+        x = np.pad(node_positions(basis), ((0, d - 2), (0, 0))).T.ravel()
+        frame = frame_of(basis, needed, curvature, x)
+    return BentFibres(name, law, curvature, frame, d)
 
 
 def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd]:

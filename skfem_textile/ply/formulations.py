@@ -186,7 +186,7 @@ def _most_against_twist(C_s: float, fabric: Fabric, basis: HourglassBasis) -> nd
     of the bending stiffness.  A bending stiffness D has the energy ½ D κ² per area; C_s
     has ½ C_s A/6 κ² for the twist κ of a square of area A.
     """
-    least = np.minimum(*fabric.bending)
+    least = np.minimum(*fabric.bending_at_rest)
     D = np.broadcast_to(least, basis.dx[:, 0].shape)[:, None]
     most = _TWIST_OVER_BENDING * 6 * D / basis.dx.sum(axis=1, keepdims=True)
     return np.where(D > 0, np.minimum(C_s, most), C_s)

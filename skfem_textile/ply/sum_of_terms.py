@@ -24,6 +24,7 @@ from ..forms.kernels.kernel import (
 )
 from ..mesh.bases import Corners, components
 from ..mesh.pattern import Pattern
+from .builtin_terms import BendingTerm
 from .parameters import NO_VALUES, Frozen, PlyParameters, Values
 from .term_check import coupled_nodes, terms_on_basis
 from .terms import Contribution, ElementTerm, FormTerm, Load, Role, TensionTerm, Term
@@ -481,14 +482,20 @@ class SumOfTerms(FabricOnBasis):
         return past
 
     def in_domain(self, u: ndarray) -> bool:
-        """True if every law is evaluated within its domain."""
+        """True if every law is evaluated within its domain.
+
+        Beyond the domain of a bending law the energy is not a number.
+        """
         if self.fabric.unbounded:
             return True
         return self._at_elements.in_domain(self.law_strain(u), self.shear_angle(u))
 
-    def closest_end(self, u: ndarray) -> LawEnd | None:
+    def closest_end(self, u: ndarray, t: float = 1.0) -> LawEnd | None:
         """The closest domain end of a law; None if all domains are unbounded."""
-        return self._at_elements.closest_end(self.law_strain(u), self.shear_angle(u))
+        bending = (x for x in self.terms if isinstance(x, BendingTerm))
+        curvatures = [end for term in bending for end in term.ends(u, t)]
+        state = self.law_strain(u), self.shear_angle(u)
+        return self._at_elements.closest_end(*state, curvatures)
 
 
 def _changed(before: PlyParameters, after: dict[str, Values]) -> PlyParameters:

@@ -386,7 +386,7 @@ def _advice(
             "tool if the ply lies on its other side"
         )
     load = ply.load(u, state.load_factor, state.parameters)
-    if not (any(map(np.any, ply.fabric.bending)) or load.any()):
+    if not (any(ply.fabric.bent) or load.any()):
         advice["not_the_net"] = _NO_NET
     return advice
 

@@ -1,15 +1,18 @@
 """Scenes `cantilever` and `buckling`: strips in space, whose warp is an elastica."""
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from ..declarations import scenes as declared
+from ..fabric.fabric import is_law
+from ..fabric.law import law_at
 from ..ply.loads import BodyForce
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
 from ..solve.result import Result
-from .elastica import buckled, hanging, peirce
+from .elastica import buckled, drooping, hanging, peirce
 from .rectangle import given_or_rectangle, misfit, require_edges
 from .scene import Scene, with_parameters
 
@@ -82,8 +85,8 @@ def _cantilever_figures(
 ) -> dict[str, float]:
     """Position of the tip, computed and of the elastica."""
     ply, t = result.ply, result.states[-1].load_factor
-    D = _stiffness(result)
-    if D is None or t == 0:
+    exact = _exact_tip(result.ply.fabric.bending[0], length, t * weight)
+    if exact is None or t == 0:
         return {}
     (x, _, z), right = ply.nodal(result.u), ply.nodes[0] > ply.nodes[0].max() - 1e-9
     tip_x, tip_z = length + float(x[right].mean()), float(z[right].mean())
@@ -95,22 +98,44 @@ def _cantilever_figures(
     }
     if angle > 0:
         figures["bending_by_peirce_N_mm"] = float(peirce(length, t * weight, angle))
-    if not D:
+    if not exact:
         return figures
-    exact = hanging(t * weight * length**3 / D)
-    off = np.hypot(tip_x - length * exact.x[-1], tip_z - length * exact.z[-1])
+    exact_x, exact_z = exact
+    off = np.hypot(tip_x - exact_x, tip_z - exact_z)
     return figures | {
-        "exact_tip_x_mm": float(length * exact.x[-1]),
-        "exact_tip_z_mm": float(length * exact.z[-1]),
-        "exact_chord_angle_deg": float(np.degrees(exact.chord_angle)),
+        "exact_tip_x_mm": exact_x,
+        "exact_tip_z_mm": exact_z,
+        "exact_chord_angle_deg": float(np.degrees(np.arctan2(-exact_z, exact_x))),
         "tip_error_over_length": float(off / length),
     }
 
 
+# Steps along a strip with a bending law: with the kinks of tables within 10⁻⁵ L.
+_STEPS = 200
+
+
+def _exact_tip(bending: Any, length: float, weight: float) -> tuple[float, ...] | None:
+    """Tip of a cantilever along x and z; empty without stiffness or weight.
+
+    None if the stiffness or the law of the warp is not the same everywhere.
+    """
+    if law_at(bending, None) is not bending or np.ndim(bending):
+        return None
+    if weight == 0:
+        return ()
+    if is_law(bending):  # the strip bends away from +z
+        tip = drooping(lambda x: bending.tangent(-x), [length], weight, _STEPS)
+        return float(tip.x[0]), -float(tip.drop[0])
+    if not bending:
+        return ()
+    exact = hanging(weight * length**3 / bending)
+    return float(length * exact.x[-1]), float(length * exact.z[-1])
+
+
 def _stiffness(result: Result) -> float | None:
-    """Bending stiffness of the warp in N mm; None if it is not the same everywhere."""
-    bending = np.asarray(result.ply.fabric.bending[0])
-    return None if bending.size > 1 else bending.item()
+    """Bending stiffness of the warp in N mm; None for a law, or if it varies."""
+    bending: Any = result.ply.fabric.bending[0]
+    return None if is_law(bending) or np.ndim(bending) else float(bending)
 
 
 @with_parameters(declared.Buckling)

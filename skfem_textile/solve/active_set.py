@@ -164,7 +164,9 @@ class ActiveSet(Direction):
     def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment, with a contact stiffness."""
         problem, u, p = self.problem, start.u, start.parameters
-        tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
+        tension = start.tension
+        if tension is None:
+            tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
         if not values(problem, p, "stiffness").any(axis=1).all():
             p = with_stiffness(problem, u, p, tension)
         forces = values(problem, p, "force")

@@ -117,7 +117,7 @@ def buckling_warning(ply: Ply, state: State) -> str:
     if ply.fabric.bends:
         bent = state.energies.get("bending", 0.0) / sum(state.energies.values())
         most = float((np.abs(tension).max(axis=0) * weight).sum() / area)
-        of_layers = np.mean(ply.fabric.bending[0]) + np.mean(ply.fabric.bending[1])
+        of_layers = sum(map(np.mean, ply.fabric.bending_at_rest))
         narrow = 0.5 * of_layers < weight.sum(axis=1).mean() * (G + most)
         if bent <= _KINKED or not narrow:
             return ""

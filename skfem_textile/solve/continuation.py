@@ -9,7 +9,7 @@ computed in one step and in two, and both must agree.
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -296,6 +296,48 @@ def balanced_at_rest(
     )
 
 
+def initial_guess(
+    problem: Problem, start: Evaluation, states: Sequence[State]
+) -> Evaluation:
+    """Predictor of a step: the last state, or an extrapolation from it.
+
+    See `surface_predictor` and `secant_predictor`.  Parameters are the last ones.
+    """
+    if problem.surfaces:
+        return surface_predictor(problem, start)
+    if problem.contacts and len(states) > 1:
+        return secant_predictor(problem, start, states)
+    return start
+
+
+def secant_predictor(
+    problem: Problem, start: Evaluation, states: Sequence[State]
+) -> Evaluation:
+    """Predictor between tools: the last two states, extrapolated linearly.
+
+    The extrapolation is in proportion to the motion of supports and tools.  Nodes on
+    straight lines stretch fibres that rotate, to second order; the first tangent
+    therefore contains the tensions at the last state.  Returns the last state if
+    nothing moves, or if the extrapolation folds the ply or leaves the domain of a law.
+    """
+    before, last = states[-2:]
+    places = (_places(problem, x.load_factor) for x in (before, last, problem))
+    moved, step = np.diff([*places], axis=0)
+    share = float(moved @ step / (moved @ moved)) if moved.any() else 0.0
+    u, p = start.u + share * (last.u - before.u), start.parameters
+    guess = _usable(problem, u, p) if share else None
+    if guess is None:
+        return start
+    tension = problem.ply.geometric_tension(start.u, np.zeros_like(u), p)
+    return replace(guess, tension=tension)
+
+
+def _places(problem: Problem, load_factor: float) -> ndarray:
+    """Values of the fixed unknowns, and travels of the tools, in mm."""
+    travels = (tool.travel(load_factor) for tool in problem.contacts)
+    return np.hstack([problem.constraints.fixed_values(load_factor), *travels])
+
+
 def surface_predictor(problem: Problem, start: Evaluation) -> Evaluation:
     """Predictor for a moving surface: the initial guess is carried along geodesics.
 
@@ -304,9 +346,14 @@ def surface_predictor(problem: Problem, start: Evaluation) -> Evaluation:
     """
     assert problem.surfaces
     u = problem.surfaces.carried(start.u, start.load_factor, problem.load_factor)
-    if u is None:
-        return start
+    guess = None if u is None else _usable(problem, u, start.parameters)
+    return start if guess is None else guess
+
+
+def _usable(
+    problem: Problem, u: ndarray, parameters: PlyParameters
+) -> Evaluation | None:
+    """Evaluation of a displacement; None if it is folded or outside of a law."""
     with np.errstate(all="ignore"):  # non-finite values are detected
-        p = start.parameters
-        usable = problem.area_ratio(u).min() > 0 and problem.in_domain(u, p)
-        return problem.evaluation(u, p) if usable else start
+        usable = problem.area_ratio(u).min() > 0 and problem.in_domain(u, parameters)
+        return problem.evaluation(u, parameters) if usable else None

@@ -82,6 +82,8 @@ class Evaluation:
         A `Tangent` for the first increment; None where it is singular.
     keeps_parameters
         True if an iteration between tools does not update the parameters.
+    tension
+        Fibre tensions for the first tangent between tools, by default those at ``u``.
     """
 
     load_factor: float
@@ -92,6 +94,7 @@ class Evaluation:
     parameters: PlyParameters
     tangent: Any = None
     keeps_parameters: bool = False
+    tension: ndarray | None = None
 
 
 class Problem:
@@ -233,7 +236,7 @@ class Problem:
         fabric, cause = self.ply.fabric, "a mechanism is present"
         rest = np.zeros(self.ply.basis.dx.shape)
         sizes = [float(np.mean(law.tangent(rest))) for law in fabric.at().laws]
-        bending = (*fabric.bending, fabric.twist)
+        bending = (*fabric.bending_at_rest, fabric.twist)
         sizes += [float(np.mean(D)) / self.element_size**2 for D in bending]
         ratio = max(sizes) / min((x for x in sizes if x > 0), default=np.inf)
         if ratio >= _OVER_ROUND_OFF / ROUND_OFF:
@@ -246,7 +249,7 @@ class Problem:
 
     def beyond(self, u: ndarray, message: str, advice: str) -> NoEquilibriumError:
         """Error for a displacement beyond the domain of a law, which it names."""
-        end = self.ply.closest_end(u)
+        end = self.ply.closest_end(u, self.load_factor)
         if end is None:
             return NoEquilibriumError(message, advice=advice)
         return NoEquilibriumError(

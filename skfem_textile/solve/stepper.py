@@ -21,11 +21,11 @@ from .continuation import (
     MOST_PROJECTED,
     Continuation,
     balanced_at_rest,
+    initial_guess,
     load_growth,
     loads_drive,
     moves,
     path_warning,
-    surface_predictor,
 )
 from .linear import solver_named
 from .linear.solver import Clock
@@ -446,7 +446,7 @@ class Run:
         except ValueError as error:
             raise self._stopped(error) from None
         most_projected = self.continuation.most_projected(step, t, driven)
-        guess = surface_predictor(problem.at(t), start) if problem.surfaces else start
+        guess = initial_guess(problem.at(t), start, self.states)
         try:
             found = self._search(Target(t, step, values, guess, start, most_projected))
         except NoEquilibriumError as failure:

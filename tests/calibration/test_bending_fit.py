@@ -1,14 +1,22 @@
-"""Bending stiffnesses from cantilever tests, by the elastica and by Peirce."""
+"""Bending stiffnesses and laws from cantilevers, and from measured moments."""
 
 import numpy as np
 import pytest
 
-from skfem_textile.calibration import CantileverTest, fit_tests, read_cantilever
+from skfem_textile import Bilinear, Fabric, Linear, Polynomial, read_law
+from skfem_textile.calibration import (
+    CantileverTest,
+    Choice,
+    Preparation,
+    fit_tests,
+    read_bending,
+    read_cantilever,
+)
 from skfem_textile.calibration.outliers import wild
 from skfem_textile.calibration.report import reports_of
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_fabric
-from skfem_textile.scenes.elastica import buckled, hanging, peirce
+from skfem_textile.scenes.elastica import buckled, drooping, hanging, peirce
 from tests.helpers.command_line import summary_in
 
 
@@ -89,3 +97,102 @@ def test_a_wild_reading_is_named_by_row(tmp_path):
     (report,) = reports_of(fit_tests(tests)).values()
     (note,) = [note for note in report["notes"] if "median" in note]
     assert note.startswith("bend.csv, row 5: the stiffness of")
+
+
+# Bending laws
+
+LAW = Bilinear(119.0, 2.4e-3, 20.0)
+OVERHANGS = np.array([120.0, 160.0, 200.0, 220.0, 230.0, 240.0])
+
+
+def cantilevers(law, scatter=0.0):
+    """Readings of strips of a law at several overhangs."""
+    angles = drooping(law.tangent, OVERHANGS, 13.6e-6, 300).chord_angle
+    noise = np.random.default_rng(0).standard_normal(OVERHANGS.size)
+    overhang = OVERHANGS * (1 + scatter * noise)
+    return CantileverTest("strips", overhang, angles, 13.6e-6)
+
+
+@pytest.mark.slow
+def test_cantilevers_of_a_law_give_the_law():
+    fit = fit_tests([cantilevers(LAW)], Choice(bending="bilinear"))
+    law = fit.laws["bending warp"]
+    assert law.stiffness == pytest.approx(119.0, rel=5e-3)
+    assert law.knee == pytest.approx(2.4e-3, rel=0.05)
+    assert law.further_stiffness == pytest.approx(20.0, rel=0.2)
+    assert fit.fabric(Fabric()).bending == (law, 0.0)
+
+
+@pytest.mark.slow
+def test_a_law_is_chosen_where_the_overhangs_ask_for_it():
+    fit = fit_tests([cantilevers(LAW, 0.005)])
+    assert isinstance(fit.laws["bending warp"], Bilinear)
+    fit = fit_tests([cantilevers(Linear(100.0), 0.01)])
+    assert isinstance(fit.laws["bending warp"], Linear)
+
+
+def test_readings_of_one_angle_give_a_stiffness_without_a_comparison():
+    test = CantileverTest("a", np.full(8, 200.0), np.full(8, np.radians(41.5)), 6e-6)
+    fit = fit_tests([test])
+    assert not fit.candidates
+    assert fit.fabric(Fabric()).bending[0] == pytest.approx(test.by_elastica.mean())
+
+
+def test_an_apparent_stiffness_is_that_of_a_linear_law():
+    test = cantilevers(Linear(100.0))
+    np.testing.assert_allclose(test.apparent(Polynomial((100.0,))), 100.0, rtol=1e-4)
+    np.testing.assert_allclose(test.by_elastica, 100.0, rtol=1e-5)
+
+
+def moments(folder):
+    """A cycle of a bilinear law: loading, and unloading along a lower curve."""
+    kappa = np.concatenate([np.linspace(0, 10, 41), np.linspace(9.75, 0, 40)])
+    moment = LAW.value(1e-3 * kappa)
+    moment[41:] -= 0.02 * np.sin(np.pi * kappa[41:] / 10)
+    rows = "".join(f"{x:.4f},{y:.6f}\n" for x, y in zip(kappa, moment, strict=True))
+    (folder / "m.csv").write_text(f"curvature (1/m),bending moment (N mm/mm)\n{rows}")
+    return folder / "m.csv"
+
+
+def test_moments_over_curvature_give_the_law_of_the_loading(tmp_path):
+    (test,) = read_bending(moments(tmp_path))
+    assert [branch.kind for branch in test.prepared.branches] == [
+        "loading",
+        "unloading",
+    ]
+    assert test.prepared.read.column("curvature").size == 81
+    fit = fit_tests([test])
+    law = fit.laws["bending warp"]
+    assert isinstance(law, Bilinear)
+    assert law.knee == pytest.approx(2.4e-3, rel=1e-3)
+    table = fit_tests([test], Choice(bending="tabulated", points=20))
+    at = np.array([1e-3, 8e-3])
+    found = table.laws["bending warp"].value(at)
+    np.testing.assert_allclose(found, LAW.value(at), rtol=0.02)
+
+
+def test_both_branches_give_their_mean(tmp_path):
+    (test,) = read_bending(moments(tmp_path), choices=Preparation("both"))
+    law = fit_tests([test], Choice(bending="bilinear")).laws["bending warp"]
+    assert law.value(np.array([5e-3]))[0] == pytest.approx(
+        LAW.value(np.array([5e-3]))[0] - 0.01, abs=2e-3
+    )
+
+
+def test_the_command_writes_the_law_and_a_case_that_uses_it(tmp_path, capsys):
+    out = tmp_path / "out"
+    line = ["fit", "bending", str(moments(tmp_path)), "--no-render", "--out", str(out)]
+    assert cli.main(line) == 0
+    law = read_fabric(out / "fabric.json").fabric.bending[0]
+    assert read_law(out / "law.json") == law
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Bending of the warp: bilinear" in page
+    assert "moment (N·mm/mm)" in page
+    assert "further_stiffness" in capsys.readouterr().out
+
+
+def test_moments_of_the_wrong_sign_are_refused(tmp_path):
+    file = tmp_path / "m.csv"
+    file.write_text("curvature (1/m),bending moment (N)\n0,0\n-1,1\n-2,2\n-3,3\n")
+    with pytest.raises(ValueError, match="reverse the sign of a column"):
+        read_bending(file)

@@ -112,3 +112,42 @@ def test_no_exact_solution_is_given_for_an_angle_beyond_a_pole(tmp_path):
     summary = computed(tmp_path, "bias_extension", few, law)
     assert summary["exact_answer"].startswith("none: for inextensible fibres")
     assert "load_over_exact" not in summary
+
+
+# Bending laws
+
+BEND = "--size 4x1 --steps 1 --no-render --set mesh.jitter=0"
+KNEE = "bending.warp_law.knee_per_mm=1e-3 bending.warp_law.further_stiffness_N_mm=2"
+BILINEAR = f"bending.warp_law.law=bilinear bending.warp_law.stiffness_N_mm=6 {KNEE}"
+
+
+@pytest.mark.slow
+def test_a_bending_law_of_a_file_or_with_its_numbers(tmp_path):
+    moments = "curvature (1/m),moment (N)\n0,0\n100,0.6\n"
+    file = table(tmp_path, "moments.csv", moments)
+    of_file = f"bending.warp_law.law={file} bending.warp_law.continuation=odd"
+    drops = [
+        computed(tmp_path / str(i), "cantilever", f"{BEND} {law}")["tip_z_mm"]
+        for i, law in enumerate(("bending.warp_N_mm=6", of_file, BILINEAR))
+    ]
+    assert drops[1] == pytest.approx(drops[0], rel=1e-9)
+    assert drops[2] < 1.2 * drops[0]  # softer: further down
+    case = (tmp_path / "2" / "case.toml").read_text()
+    assert "[bending.warp_law]" in case
+    again = computed(tmp_path / "again", str(tmp_path / "2" / "case.toml"), "")
+    assert again["tip_z_mm"] == pytest.approx(drops[2], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (
+            "bending.warp_law.law=linear",
+            "expected one of bilinear, FILE.csv, FILE.json",
+        ),
+        (f"bending.warp_N_mm=3 {BILINEAR}", "warp_law is a law: omit one of them"),
+    ],
+)
+def test_contradictory_bending_laws_are_refused(law, message, tmp_path, capsys):
+    words = f"--out {tmp_path / 'out'} {BEND} {law}".split()
+    assert message in rejected(capsys, "run", "cantilever", *words)

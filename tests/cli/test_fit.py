@@ -161,15 +161,17 @@ def test_tests_that_were_not_used_are_predicted_and_compared(tmp_path, capsys):
 
 
 def test_the_help_lists_every_law():
-    from skfem_textile.calibration.choice import SHEAR_LAWS, TENSION_LAWS
+    from skfem_textile.calibration.choice import BENDING_LAWS, SHEAR_LAWS, TENSION_LAWS
 
-    flags = {"joint": {"--shear-law", "--tension-law"}, "cantilever": set()}
+    flags = {"joint": {"--shear-law", "--tension-law", "--bending-law"}}
     for test, (_, options) in TESTS.items():
         laws = {flag for flag in options if flag.endswith("law")}
         assert laws == flags.get(test, {"--law"})
         for flag in laws:
             tension = flag == "--tension-law" or test in ("strip", "biaxial")
+            bending = flag == "--bending-law" or test in ("cantilever", "bending")
             names = TENSION_LAWS if tension else SHEAR_LAWS
+            names = BENDING_LAWS if bending else names
             assert all(name in options[flag]["help"] for name in names)
 
 

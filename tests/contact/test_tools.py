@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 
@@ -24,10 +25,12 @@ from skfem_textile import (
     drape,
 )
 from skfem_textile.contact.figures import formed as figures_of
+from skfem_textile.solve.continuation import initial_guess
 from skfem_textile.solve.on_surface import SurfaceError
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
 from tests.contact.conftest import GAP, SIDE, SYMMETRY, blank
 from tests.helpers import graph
+from tests.helpers.tools import problem_of
 
 RADIUS, TRAVEL = 40.0, 15.0
 
@@ -66,6 +69,33 @@ def test_number_of_steps_does_not_change_the_state(state, in_steps):
     assert np.abs(angles[0] - angles[1]).max() < 0.01
     forces = [x.states[-1].reactions["punch"][2] for x in (state, other)]
     assert forces[0] == pytest.approx(forces[1], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("travels", "share"),
+    [((2, 3), 0.5), ((2, 1), -0.5), ((2, 2), 0), ((0, 2), 0), ((1, 9), 0)],
+    ids=["onward", "back", "at rest now", "at rest before", "folded"],
+)
+def test_a_step_starts_from_an_extrapolation_in_proportion_to_the_travel(
+    travels, share
+):
+    """With the tensions of the last state, as nodes do not move on straight lines."""
+
+    def motion(t):
+        return 0.0, 0.0, np.interp(t, (0.0, 0.5, 1.0), (0, *travels))
+
+    ply = blank(terms=[punch(motion)], cells=2)
+    problem = problem_of(ply, SYMMETRY)
+    u = np.random.default_rng(3).normal(0.0, 0.5, (2, ply.basis.N))
+    states = [SimpleNamespace(load_factor=i / 2, u=u[i]) for i in range(2)]
+    start = problem.at(0.5).evaluation(u[1], ply.parameters_at_rest)
+    guess = initial_guess(problem.at(1.0), start, states)
+    if not share:
+        assert guess is start
+        return
+    assert_allclose(guess.u, u[1] + share * (u[1] - u[0]), atol=1e-12)
+    tension = ply.geometric_tension(u[1], 0 * u[1], ply.parameters_at_rest)
+    assert_allclose(guess.tension, tension)
 
 
 def test_contact_is_a_constraint(state):

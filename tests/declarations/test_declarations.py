@@ -14,6 +14,7 @@ from skfem_textile.cases import CaseFileError, declared
 from skfem_textile.cases.scenes import SCENES
 from skfem_textile.cases.schema import (
     AnyFormulation,
+    BendingLaw,
     ShearLaw,
     Table,
     TensionLaw,
@@ -25,7 +26,7 @@ from skfem_textile.declarations import words
 
 TABLES = [
     table
-    for union in (AnyFormulation, TensionLaw, ShearLaw, AnyTool)
+    for union in (AnyFormulation, TensionLaw, ShearLaw, BendingLaw, AnyTool)
     for table in get_args(union)
     if table.keys or tag_of(table) == "full"
 ] + [*SCENES.values()]

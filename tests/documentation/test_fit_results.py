@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, Sin2
+from skfem_textile import Bilinear, Fabric, Sin2
 from skfem_textile.calibration import (
+    BendingCurve,
     BiasExtension,
     CantileverTest,
     Choice,
@@ -58,9 +59,12 @@ def reported():
         Specimen(f"{i}", test, force + rng.normal(0.0, 0.1, 20), moved)
         for i in range(3)
     ]
+    curvature = np.linspace(0.0, 1e-2, 20)
+    moment = Bilinear(100.0, 2e-3, 20.0).value(curvature)
     others = [
         Strip("warp", "warp", 50.0, 200.0, displacement=pull, force=500.0 * pull),
         CantileverTest("bend", np.array([200.0, 201.0]), np.array([0.7, 0.71]), 6e-6),
+        BendingCurve("weft", curvature, moment, "weft"),
     ]
     three[0] = replace(three[0], zeros=Zeros(None, 0.0))
     choice = Choice(shear="sin2", tension="linear")

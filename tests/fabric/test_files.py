@@ -6,6 +6,7 @@ import pytest
 import skfem_textile.fabric
 from skfem_textile import (
     Asymmetric,
+    Bilinear,
     CrimpInterchange,
     CrimpToe,
     Linear,
@@ -75,6 +76,7 @@ TENSION = (
     Asymmetric(Linear(1e5), Linear(10.0)),
     Pretensioned(Linear(1e3), 5.0),
 )
+BENDING = (Bilinear(100.0, 1 / 3, 20.0),)
 BOTH = (
     CrimpInterchange(1e4, 0.01, 1, 1e-3, 1),
     CrimpedYarns((Softening(4e2, 3.0), Linear(1e3)), 0.1, (0.1, 1 / 3), 2.0),
@@ -82,14 +84,15 @@ BOTH = (
 )
 
 
-@pytest.mark.parametrize("law", [*SHEAR, *TENSION, *BOTH])
+@pytest.mark.parametrize("law", [*SHEAR, *TENSION, *BENDING, *BOTH])
 def test_a_law_is_read_back_to_the_last_digit(law, tmp_path):
     write_law(law, tmp_path / "law.json")
     assert repr(read_law(tmp_path / "law.json")) == repr(law)
 
 
 def test_every_law_of_the_library_has_a_file():
-    laws = {type(law) for law in (*SHEAR, *TENSION, *BOTH, TENSION[1].law)}
+    laws = {type(law) for law in (*SHEAR, *TENSION, *BENDING, *BOTH)}
+    laws.add(type(TENSION[1].law))
     laws.add(Softening)  # within another
     names = skfem_textile.fabric.__all__
     public = [getattr(skfem_textile.fabric, name) for name in names]

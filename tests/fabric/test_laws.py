@@ -175,7 +175,8 @@ def test_any_law_is_plotted_and_a_table_with_its_points():
     from skfem_textile.plot import plot_law
 
     axes = plot_law(Linear(2.0))
-    assert axes.get_xlabel() == "fibre strain (-) or shear angle (rad)"
+    label = "fibre strain (-), shear angle (rad) or curvature (1/mm)"
+    assert axes.get_xlabel() == label
     pyplot.close(axes.figure)
     table = plot_law(Tabulated(ANGLES, MOMENTS), of="shear")
     np.testing.assert_allclose(table.lines[1].get_xdata(), np.degrees(ANGLES))

@@ -5,7 +5,7 @@ import tomllib
 import unicodedata
 from importlib.resources import files
 
-from ...fabric.laws.tabulated import ANGLE
+from ...fabric.laws.tabulated import ANGLE, BENDING_MOMENT, CURVATURE
 from ...mesh.user_input import IN_MM
 
 _FORCE = {
@@ -15,8 +15,8 @@ _FORCE = {
 _STRAIN = {"-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "%": 0.01}
 _FORCE_PERIN_MM = {"N/mm": 1.0, "kN/m": 1.0}
 
-#: Columns of a test by name, with the factors of their units to mm, N, radians, strain
-#: and N/mm.
+#: Columns of a test by name, with the factors of their units to mm, N, radians, strain,
+#: N/mm, 1/mm and N·mm/mm.
 COLUMNS: dict[str, dict[str, float]] = {
     "displacement": IN_MM,
     "force": _FORCE,
@@ -30,13 +30,15 @@ COLUMNS: dict[str, dict[str, float]] = {
     "weft force": _FORCE,
     "overhang": IN_MM,
     "chord angle": ANGLE,
+    "curvature": CURVATURE,
+    "bending moment": BENDING_MOMENT,
 }
 
 #: Quantities with a sign that depends on the machine: forces.
-FORCES = "force", "warp force", "weft force"
+FORCES = "force", "warp force", "weft force", "bending moment"
 
-#: Quantities whose unit is a ratio, so that a number of another unit goes unnoticed.
-UNITLESS = (ANGLE, _STRAIN)
+#: Quantities of which a number of another unit goes unnoticed: ratios and curvatures.
+UNITLESS = (ANGLE, _STRAIN, CURVATURE)
 
 _HEADINGS = tomllib.loads(
     files(__package__).joinpath("headings.toml").read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...fabric.law import Resistance, refuse_other_units
-from ...fabric.laws.tabulated import ANGLE
+from ...fabric.laws.tabulated import ANGLE, CURVATURE
 from ...mesh.user_input import excerpt, printable
 from .layout import (
     SEPARATORS,
@@ -562,6 +562,8 @@ class _File:
         if allowed[unit] != 1 or allowed not in UNITLESS:
             return
         of: Resistance = "shear" if allowed is ANGLE else "tension"
+        if allowed is CURVATURE:
+            of = "bending"
         for row, x in zip(rows, values, strict=True):
             if np.isfinite(x):
                 refuse_other_units(f"{self.file}, row {row}: {column.quantity}", x, of)

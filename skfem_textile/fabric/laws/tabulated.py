@@ -17,12 +17,22 @@ from numpy.typing import ArrayLike
 from ...mesh.user_input import excerpt, number_of_text, printable, real_numbers
 from ..law import Resistance, ScalarLaw, keep, refuse_other_units
 
-# Names of the columns, and factors of their units to radians, strain, or N/mm.  A
-# moment per area in N·mm/mm² equals N/mm.
+# Names of the columns, and factors of their units to radians, strain, 1/mm, N/mm or
+# N·mm/mm.  A moment per area in N·mm/mm² equals N/mm, one per width in N·mm/mm a force.
 _DEGREE = np.pi / 180
 #: Factors of angle units to radians.
 ANGLE = {"deg": _DEGREE, "°": _DEGREE, "degrees": _DEGREE, "rad": 1.0, "radians": 1.0}
 _MOMENT = dict.fromkeys(("N mm/mm2", "N mm/mm²", "N·mm/mm²", "N/mm"), 1.0)
+#: Factors of the units of curvatures to 1/mm, and of moments per width to N·mm/mm.
+CURVATURE = {
+    **{"1/mm": 1.0, "mm-1": 1.0, "1/cm": 0.1, "cm-1": 0.1, "1/m": 1e-3, "m-1": 1e-3}
+}
+_GRAM = 9.80665e-3
+BENDING_MOMENT = {
+    **dict.fromkeys(("N mm/mm", "N·mm/mm", "N m/m", "N·m/m", "N"), 1.0),
+    **dict.fromkeys(("mN mm/mm", "mN·mm/mm", "mN"), 1e-3),
+    **dict.fromkeys(("gf cm/cm", "gf·cm/cm"), _GRAM),
+}
 # Shear force per side length of the frame; the moment is this times cos γ.
 _NORMALISED = "normalised shear force"
 _COLUMNS: dict[Resistance, tuple[dict[str, dict[str, float]], ...]] = {
@@ -34,10 +44,15 @@ _COLUMNS: dict[Resistance, tuple[dict[str, dict[str, float]], ...]] = {
         {"fibre strain": {"-": 1.0, "1": 1.0, "%": 0.01}},
         {"tension": {"N/mm": 1.0, "kN/m": 1.0}},
     ),
+    "bending": (
+        {"curvature": CURVATURE},
+        {"moment": BENDING_MOMENT, "bending moment": BENDING_MOMENT},
+    ),
 }
 _LIKE: dict[Resistance, str] = {
     "shear": "shear angle (deg),moment (N mm/mm2)",
     "tension": "fibre strain (-),tension (N/mm)",
+    "bending": "curvature (1/mm),moment (N mm/mm)",
 }
 
 #: Header of a column: its name, and its unit in round or square brackets.
@@ -93,20 +108,22 @@ def read_table(
 
     The first row names them, with their units in brackets: ``shear angle (deg),moment
     (N mm/mm2)``, the angle in ``deg`` or ``rad``; or ``fibre strain (-),tension
-    (N/mm)``, the strain as a number or in ``%``.  A ``normalised shear force (N/mm)``
-    F_n is converted to the moment F_n cos γ (Cao et al.  2008).
+    (N/mm)``, the strain as a number or in ``%``; or ``curvature (1/mm),moment (N
+    mm/mm)``, of bending, also in ``1/cm``, ``1/m``, ``N``, ``mN`` or ``gf cm/cm``.  A
+    ``normalised shear force (N/mm)`` F_n is converted to the moment F_n cos γ (Cao et
+    al.  2008).
 
     Parameters
     ----------
     path
         The file, in UTF-8.
     of
-        Required quantity; by default either.
+        Required quantity; by default any.
 
     Returns
     -------
     tuple of ndarray
-        Radians or strains, and N/mm.
+        Radians, strains or curvatures in 1/mm, and N/mm or N·mm/mm.
 
     Raises
     ------
@@ -239,9 +256,10 @@ class Tabulated(ScalarLaw):
     Parameters
     ----------
     arguments
-        Fibre strains, or shear angles in radians, in ascending order.
+        Fibre strains, shear angles in radians, or curvatures in 1/mm, in ascending
+        order.
     values
-        Tension or shear moment in N/mm at each of them.
+        Tension or shear moment in N/mm, or bending moment in N·mm/mm, at each of them.
     extrapolation
         ``refuse``: the domain ends with the table, and states beyond it are refused.
         ``linear``: the law is continued as a straight line, with one warning in the log
@@ -320,7 +338,7 @@ class Tabulated(ScalarLaw):
         extrapolation, odd
             See `Tabulated`.
         of
-            Required quantity, ``tension`` or ``shear``; by default either.
+            Required quantity, ``tension``, ``shear`` or ``bending``; by default any.
 
         Raises
         ------

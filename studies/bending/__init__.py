@@ -1,0 +1,1 @@
+"""Bending laws against an independent evaluation, differential equations and tests."""
