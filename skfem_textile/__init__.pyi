@@ -16,6 +16,7 @@ from .fabric import (
     Sin2 as Sin2,
     Tabulated as Tabulated,
     TensionOnly as TensionOnly,
+    WithFriction as WithFriction,
 )
 from .fabric.files import read_law as read_law, write_law as write_law
 from .contact import Holder as Holder, Tool as Tool
@@ -82,6 +83,7 @@ from .solve.states import CheckpointError as CheckpointError
 from .solve.conditions import Condition as Condition
 from .solve.interval import ErrorInterval as ErrorInterval
 from .solve.newton import Newton as Newton, PlainNewton as PlainNewton
+from .solve.programme import Programme as Programme
 from .solve.result import Result as Result, StepError as StepError
 from .solve.search import equilibrium_near as equilibrium_near
 from .solve.states import (

@@ -274,8 +274,13 @@ def read_bending(
                 f"{read.name}: the moment must have the sign of the curvature: reverse "
                 "the sign of a column"
             )
-        test = BendingCurve(read.name, curvature, moment, family, prepared=prepared)
-        curves.append(test)
+        curves.append(
+            BendingCurve(
+                *(read.name, curvature, moment, family),
+                prepared=prepared,
+                cyclic=choices.cycles,
+            )
+        )
     return curves
 
 

@@ -17,6 +17,7 @@ from ..plot.curves import COLOURS
 from ..plot.drawing import picture_path, save
 from .bending import BendingCurve
 from .choice import Test, largest_argument
+from .cycles import displacement, force_of
 from .fitting import FabricFit
 from .measured import FAMILIES, families_of
 from .validation import NORMAL_95, Validation
@@ -132,7 +133,34 @@ def data_panel(test: Test) -> Panel | None:
 
 
 def law_panels(result: FabricFit, part: str) -> dict[str, Panel]:
-    """Test curves of a part, and its law with its band, by caption."""
+    """Test curves of a part, and its law with its band, by caption.
+
+    Forces of a law with friction are without it, except in a panel of its loops.
+    """
+    panels = _elastic_panels(result, part)
+    if part in result.friction:
+        loops = {"Loops of loading and unloading, with friction": _loops(result, part)}
+        panels = loops | {f"{k}; without friction": x for k, x in panels.items()}
+    return panels
+
+
+def _loops(result: FabricFit, part: str) -> Panel:
+    """Measured loops of each test, and loops of the law."""
+
+    def panel(axes: Axes) -> None:
+        for colour, (test, force) in _coloured(result.loops(part)):
+            moved = displacement(test)
+            axes.plot(moved, force_of(test), ".", ms=4, color=colour, label=test.name)
+            axes.plot(moved, force, color="black", lw=0.8)
+        labels = "displacement (mm)", "force (N)"
+        if part.startswith("bending"):
+            labels = _CURVATURE, _MOMENT
+        axes.set(xlabel=labels[0], ylabel=labels[1])
+
+    return panel
+
+
+def _elastic_panels(result: FabricFit, part: str) -> dict[str, Panel]:
     if part == "shear":
         return {
             "Force of the shear tests; crosses are not fitted": _forces(result),

@@ -28,6 +28,14 @@ from .choice import (
     tests_of,
 )
 from .curves import beginning_notes
+from .cycles import (
+    Cyclic,
+    Friction,
+    friction_of,
+    in_cycles,
+    predicted,
+    without_friction,
+)
 from .measured import FAMILIES, families_of
 from .regression import JointFit, fit
 from .selection import (
@@ -62,6 +70,10 @@ class FabricFit:
         Simulations of the bias extensions, by test; empty for closed forms.
     candidates
         Compared laws by part, where the choice was ``auto``.
+    friction
+        Friction by part, of tests with cycles; the forces of ``tests`` are without it.
+    measured
+        The tests as measured.
     """
 
     fit: JointFit
@@ -69,6 +81,8 @@ class FabricFit:
     choice: Choice
     simulations: Mapping[ShearTest, SimulatedTest]
     candidates: Mapping[str, Sequence[Candidate]] = field(default_factory=dict)
+    friction: Mapping[str, Friction] = field(default_factory=dict)
+    measured: tuple[Test, ...] = ()
 
     @property
     def parts(self) -> dict[str, Fit]:
@@ -78,7 +92,10 @@ class FabricFit:
     @property
     def laws(self) -> dict[str, Any]:
         """Laws by part."""
-        return self.fit.joint.law
+        return {
+            part: self.friction[part].added_to(law) if part in self.friction else law
+            for part, law in self.fit.joint.law.items()
+        }
 
     def fabric(self, base: Fabric, laws: Laws | None = None) -> Fabric:
         """A fabric whose laws are replaced by the fitted ones, or by laws by part."""
@@ -120,6 +137,17 @@ class FabricFit:
             if one is test
             for name, (value, _, _) in fit.zeros(i).items()
         }
+
+    def loops(self, part: str) -> list[tuple[Cyclic, ndarray]]:
+        """Tests of a part with cycles, as measured, and the forces of the law."""
+        both = self.tests_of(part), tests_of(self.measured, part)
+        law, found = self.laws[part], []
+        for fitted, measured in zip(*map(in_cycles, both), strict=True):
+            zeros = self.zeros_of(fitted)
+            one = measured.with_slack(zeros)
+            force = predicted(one, law.law) + self.friction[part].force(one)
+            found.append((one, force + zeros.get("force at rest", 0.0)))
+        return found
 
     def cantilevers(self, part: str) -> list[CantileverTest]:
         """Cantilevers of a bending law, in the order of its curves."""
@@ -204,6 +232,9 @@ def fit_tests(
     bias = [one for one in of_kind(tests, Specimen) if _is_bias(one)]
     if simulation is not None and not bias:
         raise ValueError("only bias-extension tests are simulated: omit the simulation")
+    measured = tuple(tests)
+    friction = _friction(tests, choice, simulation)
+    tests = [without_friction(one, friction) for one in tests]
     candidates: dict[str, list[Candidate]] = {}
     if AUTO in (choice.shear, choice.tension):
         candidates = compared(_within_range(tests, choice.up_to), choice)
@@ -219,7 +250,25 @@ def fit_tests(
             break
         candidates = without(candidates, chosen, reasons)
     _refuse_unphysical(result, reasons)
-    return replace(result, candidates=candidates)
+    return replace(result, candidates=candidates, friction=friction, measured=measured)
+
+
+def _friction(
+    tests: Sequence[Test], choice: Choice, simulation: Simulation | None
+) -> dict[str, Friction]:
+    """Friction of the laws by part; empty without tests with cycles."""
+    if not any(one.cyclic for one in tests):
+        return {}
+    if simulation is not None:
+        raise ValueError(
+            "tests with cycles are fitted by closed forms: omit --cycles or --simulate"
+        )
+    if choice.tension == "crimp-interchange":
+        raise ValueError(
+            "a law of both fibre strains has no friction: use another tension law, or "
+            "omit --cycles"
+        )
+    return friction_of(tests, choice.up_to)
 
 
 def _within_range(tests: Sequence[Test], up_to: float | None) -> list[Test]:

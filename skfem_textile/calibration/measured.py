@@ -27,10 +27,13 @@ class MeasuredTest:
         Name of the test.
     prepared
         The recording as read and as prepared; None for a test that was not read.
+    cyclic
+        True if loading and unloading determine the friction of the law.
     """
 
     name: str
     prepared: Prepared | None = field(default=None, kw_only=True)
+    cyclic: bool = field(default=False, kw_only=True)
 
     @property
     def statements(self) -> tuple[str, ...]:

@@ -69,11 +69,15 @@ class Preparation:
         Force in N of the undeformed fabric; by default it is estimated.
     outliers
         True if outliers are left out.
+    cycles
+        True if all rows in their order determine the friction of the law: every branch
+        and cycle.
 
     Raises
     ------
     ValueError
-        If the branch is unknown, the cycle is not positive, or a number is not finite.
+        If a cycle is given with ``cycles``, the branch is unknown, the cycle is not
+        positive, or a number is not finite.
     """
 
     branch: str = "loading"
@@ -81,8 +85,15 @@ class Preparation:
     slack: float | None = None
     force_at_rest: float | None = None
     outliers: bool = True
+    cycles: bool = False
 
     def __post_init__(self) -> None:
+        if self.cycles:
+            if self.cycle is not None:
+                raise ValueError(
+                    "the cycles are all used with --cycles: omit it, or --cycle"
+                )
+            object.__setattr__(self, "branch", "both")
         if self.branch not in BRANCHES:
             raise ValueError(
                 f"the branch must be one of {', '.join(BRANCHES)}, got {self.branch!r}"
@@ -312,10 +323,12 @@ def _of_branches(
     rows = recording.rows
     cycles = max(b.cycle for b in branches)
     kinds = " and ".join(dict.fromkeys(b.kind for b in chosen))
-    text = (
-        f"{kinds} of cycle {first.cycle} of {cycles} is used, rows "
-        f"{rows[first.begin]} to {rows[last.end - 1]}"
-    )
+    used = f"cycle {first.cycle} of {cycles} is"
+    if last.cycle > first.cycle:
+        used = f"cycles {first.cycle} to {last.cycle} of {cycles} are"
+    text = f"{kinds} of {used} used, rows {rows[first.begin]} to {rows[last.end - 1]}"
+    if len(chosen) == len(branches):
+        return text
     following = next((b for b in branches if b.begin >= last.end - 1), None)
     if following is None or len(chosen) > 1 or following.loading == first.loading:
         return f"{text}; other rows are left out"
@@ -415,14 +428,15 @@ def _branches_of(x: ndarray) -> list[Branch]:
         Driving quantity in the order of recording, shape (n,).
     """
     smooth = running_median(x) if x.size > CLOSE else x
-    turns = _turning_points(smooth, REVERSAL * float(np.ptp(smooth)))
+    first, *turns, end = _turning_points(smooth, REVERSAL * float(np.ptp(smooth)))
+    turns = [first, *(_extreme(x, smooth, turn) + 1 for turn in turns), end + 1]
     branches: list[Branch] = []
     cycle = 1
-    for begin, end in pairwise(turns):
+    for begin, last in pairwise(turns):
+        end = last - 1
         loading = bool(smooth[end] >= smooth[begin])
         if loading and branches:
             cycle += 1
-        last = end + 1 if end == x.size - 1 else end
         reach = float(smooth[begin : end + 1].max())
         branches.append(Branch(loading, cycle, begin, last, reach))
     return [_without_dwell(smooth, one) for one in branches]
@@ -450,6 +464,14 @@ def _turning_points(x: ndarray, least: float) -> list[int]:
             turns.append(extreme)
             extreme, direction = i, -direction
     return [*turns, x.size - 1]
+
+
+def _extreme(x: ndarray, smooth: ndarray, turn: int) -> int:
+    """Index of the last row of a branch: of the extremum that a median flattens."""
+    low, high = max(turn - _AT_A_TURN, 0), min(turn + _AT_A_TURN + 1, x.size)
+    rises = smooth[turn] > smooth[[low, high - 1]].mean()
+    near = x[low:high]
+    return low + int(near.argmax() if rises else near.argmin())
 
 
 def _without_dwell(x: ndarray, branch: Branch) -> Branch:

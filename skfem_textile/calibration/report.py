@@ -15,6 +15,7 @@ from .bands import CONFIDENCE, Fit
 from .bending import BendingCurve, CantileverTest
 from .choice import Test, largest_argument, reach
 from .curves import beginning_notes, departure_notes, rest_notes
+from .cycles import force_of, work
 from .fitting import FabricFit
 from .measured import FAMILIES
 from .outliers import wild
@@ -44,8 +45,54 @@ def reports_of(result: FabricFit) -> dict[str, dict[str, Any]]:
         else:
             one = tension_report(result, part)
         one["candidates"] = [asdict(x) for x in result.candidates.get(part, ())]
+        if part in result.friction:
+            of_friction = friction_report(result, part)
+            one["friction"], one["notes"] = (
+                of_friction,
+                [
+                    *one["notes"],
+                    _friction_note(title_of(part), of_friction),
+                ],
+            )
         reports[title_of(part)] = one
     return reports
+
+
+def friction_report(result: FabricFit, part: str) -> dict[str, Any]:
+    """Friction elements of a law, and work of the machine in each test with cycles."""
+    law, curves = result.laws[part], list[dict[str, Any]]()
+    bending = part.startswith("bending")
+    unit = "N_per_mm" if bending else "N_mm"
+    for one, force in result.loops(part):
+        works = work(one, force_of(one)), work(one, force)
+        names = f"work_measured_{unit}", f"work_predicted_{unit}"
+        curves.append({"name": one.name, **dict(zip(names, works, strict=True))})
+    onsets = np.degrees(law.onsets) if part == "shear" else np.array(law.onsets)
+    key = "onsets_per_mm" if bending else "onsets_deg" if part == "shear" else "onsets"
+    limits = "limits_N" if bending else "limits_N_per_mm"
+    return {limits: list(law.limits), key: onsets.tolist(), "curves": curves}
+
+
+# Units of limits, onsets and work by the keys of a report of friction.
+_LIMITS = {"limits_N": "N", "limits_N_per_mm": "N/mm"}
+_ONSETS = {"onsets_deg": " degrees", "onsets_per_mm": " 1/mm", "onsets": ""}
+
+
+def _friction_note(title: str, friction: dict[str, Any]) -> str:
+    """The friction elements in a line."""
+    ((limit, unit),) = (x for x in _LIMITS.items() if x[0] in friction)
+    ((onset, of_onset),) = (x for x in _ONSETS.items() if x[0] in friction)
+    pairs = zip(friction[limit], friction[onset], strict=True)
+    elements = ", ".join(f"{f:.3g} {unit} at {y:.3g}{of_onset}" for f, y in pairs)
+    works = ", ".join(
+        "{} {:.4g} and {:.4g}".format(*one.values()) for one in friction["curves"]
+    )
+    of_work = "N/mm" if limit == "limits_N" else "N·mm"
+    return (
+        f"{title}: friction elements with the limit at the onset {elements}; curves "
+        "and the law above are without them; work over the cycles, measured and "
+        f"predicted, in {of_work}: {works}"
+    )
 
 
 def title_of(part: str) -> str:
@@ -468,7 +515,7 @@ def _range_notes(result: FabricFit) -> list[str]:
         f"{specimen.name}: the test contains loading and unloading, and both are "
         "fitted as one curve: keep only the rows of a single loading"
         for specimen in result.specimens
-        if all(specimen.ways(up_to))
+        if all(specimen.ways(up_to)) and not specimen.cyclic
     ]
     for specimen in result.specimens:
         notes += beginning_notes(specimen, up_to)

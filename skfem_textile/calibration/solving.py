@@ -57,7 +57,7 @@ def rows_of(samples: Sequence[Sample]) -> list[slice]:
     return [slice(*ends_of_curve) for ends_of_curve in pairwise(ends)]
 
 
-def _optimize() -> Any:
+def optimize() -> Any:
     """The module scipy.optimize, imported only for fits."""
     return importlib.import_module("scipy.optimize")
 
@@ -85,7 +85,7 @@ def solve_linear(
         raise ValueError(_not_identifiable(model))
     low, high = model.low * size, model.high * size
     if np.any((values < low) | (values > high)):
-        values = _optimize().lsq_linear(A, b, (low, high), method="bvls").x
+        values = optimize().lsq_linear(A, b, (low, high), method="bvls").x
     return np.clip(values / size, model.low, model.high)
 
 
@@ -115,7 +115,7 @@ def solve_nonlinear(
         return root * (predict(model.build(values)) - measured)
 
     try:
-        found = _optimize().least_squares(
+        found = optimize().least_squares(
             residual, inside, bounds=(model.low, model.high), x_scale=scale
         )
         values = found.x
@@ -297,7 +297,7 @@ class Unknowns:
         root, low, high = np.sqrt(weights), self.low, self.high
         measured = np.concatenate([sample.measured for sample in self.samples])
         try:
-            found = _optimize().least_squares(
+            found = optimize().least_squares(
                 lambda x: root * (self.predict(x) - measured),
                 np.clip(x, low, high),
                 lambda x: root[:, None] * self.jacobian(x),

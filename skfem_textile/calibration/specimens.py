@@ -282,6 +282,7 @@ def read_specimens(
                 *(read.name, test, read.column("force"), moved, angle),
                 zeros=Zeros(*zeros),
                 prepared=prepared,
+                cyclic=choices.cycles,
             )
         )
     return specimens

@@ -185,6 +185,7 @@ def read_strips(
             Strip(
                 *(read.name, family, width, length, moved, read.column("force"), slack),
                 prepared=prepared,
+                cyclic=choices.cycles,
             )
         )
     return strips

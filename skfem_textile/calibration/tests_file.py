@@ -195,6 +195,7 @@ def _preparation(options: Namespace) -> Preparation:
         getattr(options, "slack", None),
         getattr(options, "force_at_rest", None),
         not options.keep_outliers,
+        getattr(options, "cycles", False),
     )
 
 

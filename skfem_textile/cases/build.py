@@ -30,7 +30,7 @@ from ..mesh.user_input import coords, printable
 from ..outlines.drawings import kind_of_drawing
 from ..ply.formulations import DEFAULT
 from ..ply.loads import BodyForce, Force
-from ..ply.terms import Load
+from ..ply.terms import Factor, Load, proportional
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
 from .read import (
@@ -195,6 +195,8 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     else:
         laws = _fabric_of_file(file.fabric.file, file.fabric)
     scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
+    if file.stepping.is_programme:
+        scene = file.stepping.applied(scene)
     if file.mesh.outline is not None and scene.dimension == 3:
         _warn_of_unit(file.mesh.outline, scene)
     fabric: Any = replace(laws, warp=scene.warp, weft=scene.weft)
@@ -204,7 +206,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         _warn_of_other_directions(file, laws, scene, fabric)
     if file.regions:
         scene, fabric = _with_regions(scene, fabric, file)
-    loads = _loads(file.loads)
+    loads = _loads(file.loads, scene.programme or proportional)
     if scene.rotation:
         loads = tuple(load.turned(scene.turn) for load in loads)
     fit = _fitted(scene, fabric, loads, file.mesh.as_is)
@@ -215,7 +217,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         fabric=fabric,
         loads=loads,
         formulation=file.formulation.construct() or fit.formulation,
-        steps=file.stepping.steps,
+        steps=file.stepping.steps * file.stepping.parts,
         method=file.stepping.method,
         warn_only=file.stepping.warn_only,
         solver=file.stepping.solver,
@@ -262,8 +264,8 @@ def _refuse_contradictions(file: CaseFile) -> None:
                 f"{key} applies to the whole ply, but regions are given: omit one of "
                 "them"
             )
-    in_space = issubclass(file.scene.declaration, WithTools)
     for key in ("part_mesh", "deck", "trim", "pattern"):
+        in_space = issubclass(file.scene.declaration, WithTools)
         if getattr(file.output, key) and not in_space:
             raise ValueError(f"output.{key} requires a scene with tools")
 
@@ -293,9 +295,9 @@ def refuse_incomplete(
             raise ValueError(f"{key} requires {required}")
 
 
-def _loads(of: Loads) -> tuple[Force | BodyForce, ...]:
+def _loads(of: Loads, factor: Factor = proportional) -> tuple[Any, ...]:
     """Forces on boundaries and the weight."""
-    forces = tuple(Force(name, total) for name, total in of.force_N.items())
+    forces = tuple(Force(name, total, factor) for name, total in of.force_N.items())
     if (weight := of.weight_N_per_mm2) is None:
         return forces
     return *forces, BodyForce(weight, factor=1.0, name="weight")
@@ -514,7 +516,7 @@ def _fabric(
     with _errors_in("tension weft "):
         weft = None if tension.weft is None else tension.weft.build()
     with _errors_in("shear "):
-        of_shear = shear.law.build("shear")
+        of_shear = shear.build()
     with _errors_in("bending "):
         of_bending = bending.build()
     return Fabric(
@@ -640,8 +642,7 @@ def _with_regions(
 
 
 def _direction(degrees: float) -> np.ndarray:
-    angle = np.radians(degrees)
-    return np.array([np.cos(angle), np.sin(angle)])
+    return np.array([of(np.radians(degrees)) for of in (np.cos, np.sin)])
 
 
 def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[str, Any]:

@@ -19,7 +19,6 @@ from ..mesh.user_input import excerpt, printable
 from .scenes import SCENES
 from .scenes import AnyScene as SceneTable
 from .schema import (
-    FILE,
     MESH_KINDS,
     AnyFormulation,
     Bending,
@@ -32,9 +31,12 @@ from .schema import (
     Region,
     Shear,
     Stepping,
-    Table,
     Tension,
     Weft,
+)
+from .tables import (
+    FILE,
+    Table,
     named,
     tag_of,
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, 
 from msgspec import field
 
 from ..declarations import scenes as declared
-from .schema import (
+from .tables import (
     DeclaredTable,
     Degrees,
     LengthUnit,

@@ -2,188 +2,28 @@
 
 Case files, the command line with its help, the validation of input, the written
 ``case.toml`` and the tables of all keys follow from the structs of this module and of
-`scenes`. A key ends with its unit. Each struct builds the object that it declares and
-imports the modules for it only then.
+`scenes`.
 """
 
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from functools import partial
-from importlib import import_module
-from math import degrees, radians
-from types import MappingProxyType, NoneType
+from dataclasses import replace
+from math import radians
 from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
-    ClassVar,
     Literal,
     TypeAlias,
     Union,
     get_args,
-    get_origin,
 )
 
-from msgspec import NODEFAULT, Meta, Struct, defstruct, field
+from msgspec import Meta, field
 
 from .. import declarations as declared
-from ..declarations import REQUIRED, Key
-from ..mesh.user_input import MOST_DEGREES
+from .tables import FILE, DeclaredTable, Degrees, LengthUnit, Table, about, table_of
 
 if TYPE_CHECKING:
     from ..fabric.law import Resistance
-
-
-class Table(Struct, kw_only=True, forbid_unknown_fields=True):
-    """Table of a case file."""
-
-
-def about(text: str) -> Meta:
-    """Metadata with the meaning of a key."""
-    return Meta(description=text)
-
-
-#: Metadata of a key whose value is a file name.
-FILE = Meta(extra={"file": True})
-
-#: Units of length of files, see `IN_MM`.
-LengthUnit: TypeAlias = Literal["mm", "cm", "m", "in"]
-
-Degrees: TypeAlias = Annotated[float, Meta(ge=-MOST_DEGREES, le=MOST_DEGREES)]
-
-
-class DeclaredTable(Table):
-    """Table of the parameters of a class or function.
-
-    Attributes
-    ----------
-    declaration
-        The dataclass of the parameters.
-    called
-        Name of this class or function.
-    keys
-        Parameters by their keys in the file, each a name and a `Key`.
-    """
-
-    declaration: ClassVar[type[Any]]
-    called: ClassVar[str]
-    keys: ClassVar[Mapping[str, tuple[str, Key]]] = {}
-
-    def values(self) -> dict[str, Any]:
-        """Parameters by name, angles in radians, and tables as pairs."""
-        values = {}
-        for key, (name, stated) in self.keys.items():
-            value = getattr(self, key)
-            if stated.unit == "deg" and value is not None:
-                value = radians(value)
-            elif stated.words:
-                value = value == stated.words[True]
-            values[name] = tuple(value.items()) if isinstance(value, dict) else value
-        return values
-
-    @classmethod
-    def implementation(cls) -> Any:
-        """The class or function that has the parameters, imported now."""
-        module = import_module(f"...{cls.declaration.implemented_in}", __name__)
-        return getattr(module, cls.called)
-
-    def construct(self, **others: Any) -> Any:
-        """Object of the class or function with the parameters, and with others."""
-        return self.implementation()(**{**self.values(), **others})
-
-    @classmethod
-    def of(cls, built: Any) -> "DeclaredTable":
-        """The table of an object with the parameters."""
-        values = {}
-        for key, (name, stated) in cls.keys.items():
-            value = getattr(built, name)
-            if stated.unit == "deg":
-                value = degrees(value)
-            values[key] = stated.words[value] if stated.words else value
-        return cls(**values)
-
-
-def table_of(
-    declaration: type[Any],
-    base: type[DeclaredTable] = DeclaredTable,
-    tag: str | None = None,
-    also: Mapping[str, Any] = MappingProxyType({}),
-    last: Sequence[str] = (),
-) -> Any:
-    """Table of a case file with the keys of declared parameters.
-
-    Parameters
-    ----------
-    declaration
-        The parameters, see `declaration`.
-    base
-        Base class, with further keys, which come first.
-    tag
-        Name that selects the table, and of the function; by default, for a class, its
-        name in lower case with hyphens.
-    also
-        Types of further keys of the table, which are None by default.
-    last
-        Keys and parameters that come last, in their order.
-    """
-    keys, typed = {}, {name: (name, hint, None) for name, hint in also.items()}
-    for parameter in fields(declaration):
-        if stated := parameter.metadata.get("key"):
-            name = parameter.name
-            key = "_".join(filter(None, (stated.name or name, stated.unit)))
-            typed[name] = key, *_typed(stated.kind or parameter.type, stated)
-            keys[key] = name, stated
-    order = sorted(typed, key=lambda name: last.index(name) if name in last else -1)
-    return defstruct(
-        declaration.__name__,
-        [typed[name] for name in order],
-        bases=(base,),
-        namespace={
-            "__doc__": declaration.__doc__,
-            "declaration": declaration,
-            "called": tag or declaration.__name__,
-            "keys": keys,
-        },
-        module=base.__module__,
-        tag=tag or snake_case(declaration).replace("_", "-"),
-        kw_only=True,
-    )
-
-
-def _typed(kind: Any, stated: Key) -> tuple[Any, Any]:
-    """Type and default of a key."""
-    metadata = [about(stated.about), *[FILE] * stated.file]
-    default: Any = NODEFAULT if stated.default is REQUIRED else stated.default
-    if stated.words:
-        kind, default = Literal[stated.words], stated.words[default]
-    if get_origin(kind) is dict:
-        default = field(default_factory=partial(dict, default))
-    if stated.limits is not None:
-        metadata.append(Meta(gt=stated.limits[0], le=stated.limits[1]))
-    elif stated.unit == "deg":
-        kind = Degrees | None if NoneType in get_args(kind) else Degrees
-    return Annotated[kind, *metadata], default
-
-
-def snake_case(kind: type) -> str:
-    """Name of a class in lower case, its words separated by underscores."""
-    return re.sub(r"(?<!^)(?=[A-Z])", "_", kind.__name__).lower()
-
-
-def tag_of(table: type[Struct]) -> str:
-    """Name that selects a table of a union."""
-    return str(table.__struct_config__.tag)
-
-
-def named(union: Any) -> dict[str, type[Any]]:
-    """Tables of a union by name."""
-    return {tag_of(table): table for table in get_args(union)}
-
-
-def summary_of(table: type[Struct]) -> str:
-    """First line of the docstring of a table."""
-    return (table.__doc__ or "").partition("\n")[0]
 
 
 #: Number of elements along one side of a generated mesh.
@@ -415,6 +255,68 @@ else:
     BendingLaw = table_of(declared.Bilinear, Law) | Measured | LawOfFile
 
 
+class Friction(Table):
+    """Friction elements, by which unloading differs from loading."""
+
+    limits_N_per_mm: Annotated[
+        tuple[float, ...], about("limit of the force of each friction element")
+    ]
+    onsets: Annotated[
+        tuple[float, ...],
+        about("strain at which each element slips when loaded for the first time"),
+    ]
+
+    def added_to(self, law: Any) -> Any:
+        """The law with friction.
+
+        Raises
+        ------
+        ValueError
+            If a number is invalid, or the law is one of both strains.
+        """
+        from ..fabric.laws.friction import WithFriction
+
+        return WithFriction(law, self.limits_N_per_mm, self.onsets)
+
+
+class ShearFriction(Table):
+    """Friction elements of shear, by which unloading differs from loading."""
+
+    limits_N_per_mm: Annotated[
+        tuple[float, ...], about("limit of the moment of each friction element")
+    ]
+    onsets_deg: Annotated[
+        tuple[Degrees, ...],
+        about("shear angle at which each element slips when loaded for the first time"),
+    ]
+
+    def added_to(self, law: Any) -> Any:
+        """See `Friction`."""
+        from ..fabric.laws.friction import WithFriction
+
+        onsets = [radians(onset) for onset in self.onsets_deg]
+        return WithFriction(law, self.limits_N_per_mm, onsets)
+
+
+class BendingFriction(Table):
+    """Friction elements of bending, by which unloading differs from loading."""
+
+    limits_N: Annotated[
+        tuple[float, ...],
+        about("limit of the moment of each friction element per width"),
+    ]
+    onsets_per_mm: Annotated[
+        tuple[float, ...],
+        about("curvature at which each element slips when loaded for the first time"),
+    ]
+
+    def added_to(self, law: Any) -> Any:
+        """See `Friction`."""
+        from ..fabric.laws.friction import WithFriction
+
+        return WithFriction(law, self.limits_N, self.onsets_per_mm)
+
+
 class InCompression(Table):
     """Law of the fibres for negative strain."""
 
@@ -447,6 +349,7 @@ class Weft(Table):
     ] = "law"
     pretension_N_per_mm: Annotated[float, about("initial tension of the fibres")] = 0.0
     in_compression: InCompression | None = None
+    friction: Friction | None = None
 
     def build(self) -> Any:
         """Build the law of a family.
@@ -461,8 +364,8 @@ class Weft(Table):
         law = self.law.build("tension")
         law = _with_compression(law, self.compression, self.in_compression)
         if self.pretension_N_per_mm:
-            return Pretensioned(law, self.pretension_N_per_mm)
-        return law
+            law = Pretensioned(law, self.pretension_N_per_mm)
+        return law if self.friction is None else self.friction.added_to(law)
 
 
 class Tension(Weft):
@@ -483,12 +386,24 @@ class Shear(Table):
             "of a ply on a tool"
         ),
     ] = 90.0
+    friction: ShearFriction | None = None
+
+    def build(self) -> Any:
+        """Build the law; see `Weft.build`."""
+        law = self.law.build("shear")
+        return law if self.friction is None else self.friction.added_to(law)
 
 
 class BendingOfFamily(Table):
     """Bending law of a family, in the place of its stiffness."""
 
     law: BendingLaw
+    friction: BendingFriction | None = None
+
+    def build(self) -> Any:
+        """Build the law of a family; see `Weft.build`."""
+        law = self.law.build("bending")
+        return law if self.friction is None else self.friction.added_to(law)
 
 
 class Bending(Table):
@@ -508,7 +423,7 @@ class Bending(Table):
         D, table = getattr(self, f"{family}_N_mm"), getattr(self, f"{family}_law")
         if table and D:
             raise ValueError(f"{family}_N_mm: {family}_law is a law: omit one of them")
-        return table.law.build("bending") if table else D
+        return table.build() if table else D
 
 
 class Region(Table):
@@ -589,7 +504,42 @@ Check: TypeAlias = Literal[
 class Stepping(Table):
     """Load steps and solvers."""
 
-    steps: Annotated[int, about("number of load steps")] = 20
+    steps: Annotated[
+        int, about("number of load steps, with a programme of each of its parts")
+    ] = 20
+    programme: Annotated[
+        tuple[float, ...] | None,
+        about(
+            "factors that motions and loads pass through, such as [1, 0, 1] to load, "
+            "unload and load again (default: [1])"
+        ),
+    ] = None
+    release: Annotated[
+        tuple[str, ...] | None,
+        about(
+            "conditions of the scene whose forces are removed after the programme, in "
+            "one more part: the ply springs back"
+        ),
+    ] = None
+
+    @property
+    def parts(self) -> int:
+        """Number of parts of the programme, each with its load steps."""
+        return len(self.programme or (1,)) + bool(self.release)
+
+    @property
+    def is_programme(self) -> bool:
+        """True if motions and loads do not just increase."""
+        return self.programme is not None or bool(self.release)
+
+    def applied(self, scene: Any) -> Any:
+        """A scene that follows the programme; an error names the key."""
+        try:
+            return scene.through(self.programme or (1.0,), self.release or ())
+        except ValueError as error:
+            key = "release" if self.release else "programme"
+            raise ValueError(f"stepping.{key}: {error}") from None
+
     tolerance: Annotated[
         float | None,
         about(

@@ -8,7 +8,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
 from .. import declarations as declared
-from .schema import FILE, DeclaredTable, Degrees, LengthUnit, about, table_of
+from .tables import (
+    FILE,
+    DeclaredTable,
+    Degrees,
+    LengthUnit,
+    about,
+    table_of,
+)
 
 if TYPE_CHECKING:
     from numpy import ndarray

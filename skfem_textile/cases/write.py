@@ -20,7 +20,8 @@ from msgspec import NODEFAULT, Meta, Struct, structs
 
 from .read import CaseFile, with_files
 from .scenes import SCENES
-from .schema import FILE, Region, named, summary_of
+from .schema import Region
+from .tables import FILE, named, summary_of
 from .tools import AnyTool
 
 #: First line of a case file that a run has written.

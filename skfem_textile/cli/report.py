@@ -44,7 +44,8 @@ def run(options: Namespace) -> int:
     folder = options.folder
     summary = read_summary(folder)
     text = content_of(folder / CASE) if (folder / CASE).is_file() else None
-    test = options.test_curve or _named_test(folder, text)
+    named, loops = _of_case(folder, text)
+    test = options.test_curve or named
     curve: Curve = {}
     curves: dict[str, str] = {}
     no_curves = "No curve is drawn, because no load step was completed."
@@ -52,7 +53,7 @@ def run(options: Namespace) -> int:
         no_curves = f"The folder contains no {CURVE}."
         if (folder / CURVE).is_file():
             curve = read_test_curve(folder / CURVE)
-            curves, no_curves = _drawn_curves(curve, folder, test)
+            curves, no_curves = _drawn_curves(curve, folder, test, loops)
     scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
     apart = "inputs", "versions", "first"
     values = {k: v for k, v in summary.items() if k not in apart}
@@ -106,15 +107,17 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
         yield "Exact solution", "", summary["exact_answer"]
 
 
-def _named_test(folder: Path, text: str | None) -> Path | None:
-    """Test curve named in a case."""
+def _of_case(folder: Path, text: str | None) -> tuple[Path | None, bool]:
+    """Test curve named in a case, and whether its motions may reverse."""
     try:
-        output = tomllib.loads(text or "").get("output", {})
+        tables = tomllib.loads(text or "")
+        output, stepping = (tables.get(name, {}) for name in ("output", "stepping"))
         named = output.get("test_curve")
+        loops = bool(stepping.get("programme") or stepping.get("release"))
     except (ValueError, AttributeError, RecursionError):
         damaged = f"{printable(folder / CASE)} is damaged: it is not a valid case file"
         raise ValueError(damaged) from None
-    return folder / named if isinstance(named, str) else None
+    return folder / named if isinstance(named, str) else None, loops
 
 
 def _points(curve: Curve) -> list[list[float | None]]:
@@ -124,7 +127,7 @@ def _points(curve: Curve) -> list[list[float | None]]:
 
 
 def _drawn_curves(
-    run: Curve, folder: Path, test: Path | None
+    run: Curve, folder: Path, test: Path | None, loops: bool
 ) -> tuple[dict[str, str], str]:
     """Curves as data URLs by title, or the reason why there are none."""
     measured = None
@@ -137,7 +140,7 @@ def _drawn_curves(
         return {}, "The pictures contain the force of the tools."
     with tempfile.TemporaryDirectory() as scratch:
         try:
-            draw_curves(run, measured, Path(scratch))
+            draw_curves(run, measured, Path(scratch), loops)
         except ImportError as error:
             return {}, f"No curve is drawn: {error}."
         titles = {name: title for name, (title, *_) in CURVES.items()}

@@ -70,15 +70,17 @@ def draw(
     of_tool = "tool_force.png" in names and scene.driven not in scene.conditions
     if measured is None and of_tool:
         return
-    draw_curves(curve, measured, folder)
+    draw_curves(curve, measured, folder, loops=scene.programme is not None)
 
 
-def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
+def draw_curves(
+    run: Curve, test: Curve | None, folder: Path, loops: bool = False
+) -> None:
     """Draw the `CURVES` for which run or test contain the columns.
 
     A run without a force is drawn only together with a test.  Half-widths of the force
     are drawn as bands.  A run is drawn over its states, without the test, if its
-    abscissa does not increase or decrease throughout.
+    abscissa does not increase or decrease throughout, unless it has ``loops``.
     """
     from ..plot.curves import curves
 
@@ -91,7 +93,7 @@ def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
         }
         if "run" in lines and any(np.any(line[1]) for line in lines.values()):
             along = _axis(x)
-            if not _is_monotonic(lines["run"][0]):
+            if not (loops or _is_monotonic(lines["run"][0])):
                 states, along = np.arange(len(lines["run"][0])), "State"
                 lines = {"run": (states, *lines["run"][1:])}
             curves({"": lines}, along, _axis(y), folder / name)

@@ -11,7 +11,12 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ..cases.read import CaseFile, declared
 from ..cases.scenes import SCENES, Scene
-from ..cases.schema import FILE, about, named, summary_of
+from ..cases.tables import (
+    FILE,
+    about,
+    named,
+    summary_of,
+)
 from ..cases.write import key_help, meaning, tables_of
 from ..declarations import words
 from ..declarations.scenes import AnyScene, Specimen, WithTools
@@ -35,6 +40,8 @@ _OPTIONS = {
     "formulation": "formulation.name",
     "force": "loads.force_N",
     "steps": "stepping.steps",
+    "programme": "stepping.programme",
+    "release": "stepping.release",
     "tolerance": "stepping.tolerance",
     "solver": "stepping.solver",
     "test-curve": "output.test_curve",

@@ -4,7 +4,7 @@ from argparse import Namespace
 
 from ..cases.read import declared
 from ..cases.scenes import SCENES
-from ..cases.schema import summary_of
+from ..cases.tables import summary_of
 from ..cases.write import case_text
 from ..mesh.user_input import printable
 from .output import say

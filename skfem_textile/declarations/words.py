@@ -236,6 +236,13 @@ _BRANCH: Options = {
     "--keep-outliers": option("fit also outliers", action="store_true"),
 }
 
+_CYCLES: Options = {
+    "--cycles": option(
+        "determine the friction of the law too, by loading and unloading",
+        action="store_true",
+    ),
+}
+
 _SLACK: Options = {
     "--slack": option(
         "displacement at which the fabric begins to carry load; for tests without "
@@ -268,6 +275,7 @@ OF_FILES: dict[str, Options] = {
         "--length": _size("length of the strip between the clamps"),
         **_READING,
         **_BRANCH,
+        **_CYCLES,
         **_SLACK,
     },
     "picture-frame": {
@@ -275,6 +283,7 @@ OF_FILES: dict[str, Options] = {
         "--fabric-side": _size("side of the sheared square of fabric"),
         **_READING,
         **_BRANCH,
+        **_CYCLES,
         **_SLACK,
         **_AT_REST,
     },
@@ -286,6 +295,7 @@ OF_FILES: dict[str, Options] = {
         ),
         **_READING,
         **_BRANCH,
+        **_CYCLES,
         **_SLACK,
         **_AT_REST,
     },
@@ -308,5 +318,5 @@ OF_FILES: dict[str, Options] = {
         ),
         **_READING,
     },
-    "bending": {**_FAMILY, **_READING, **_BRANCH},
+    "bending": {**_FAMILY, **_READING, **_BRANCH, **_CYCLES},
 }

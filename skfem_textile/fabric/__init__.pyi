@@ -22,6 +22,10 @@ from .laws.biaxial import (
     CrimpInterchange as CrimpInterchange,
     Softening as Softening,
 )
+from .laws.friction import (
+    WithFriction as WithFriction,
+    along as along,
+)
 from .laws.polynomial import (
     Polynomial as Polynomial,
 )

@@ -19,6 +19,7 @@ from .law import (
     domain_of,
     keep,
     law_at,
+    n_slips,
     refuse_other_units,
 )
 
@@ -227,6 +228,11 @@ class Fabric:
         attributes = {field.name: getattr(self, field.name) for field in fields(self)}
         vars(other).update(attributes | {"tension": tensions, "shear": shear})
         return other
+
+    @property
+    def has_friction(self) -> bool:
+        """True if the unloading of a law differs from its loading."""
+        return any(map(n_slips, (self.tensions, self.shear_law, *self.bending)))
 
     @property
     def bends(self) -> bool:

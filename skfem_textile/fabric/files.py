@@ -16,6 +16,7 @@ from .fabric import Fabric
 from .law import BiaxialLaw, Law, Linear, TwoLaws
 from .laws.bending import Bilinear
 from .laws.biaxial import CrimpedYarns, CrimpInterchange, Softening
+from .laws.friction import WithFriction
 from .laws.polynomial import Polynomial
 from .laws.shear import Locking, Sin2, TangentShear
 from .laws.tabulated import Tabulated
@@ -31,7 +32,7 @@ _OTHERS = "bending", "twist", "wrinkling_angle"
 _LAWS: tuple[type[Any], ...] = (
     *(Linear, Sin2, Polynomial, Locking, Tabulated, TangentShear),
     *(CrimpToe, TensionOnly, Asymmetric, Pretensioned, CrimpInterchange, CrimpedYarns),
-    *(Bilinear, TwoLaws, RegionalLaw, RegionalTensions),
+    *(Bilinear, TwoLaws, RegionalLaw, RegionalTensions, WithFriction),
 )
 
 # Classes in a file: laws, their components, and directions.

@@ -51,6 +51,9 @@ class Law(Protocol):
     N/mm; for bending ``x`` is the curvature κ in 1/mm and ``value`` the moment M in
     N·mm per mm of width.  All three methods accept and return arrays.
 
+    A law with friction elements, whose slip changes once a step, has ``n_slips``,
+    ``with_slip``, ``slip_after`` and ``loss``, see `WithFriction`.
+
     A law that varies by element has a method ``at``: for element numbers of shape (n,
     n_points) or (n, 1), or None for all elements, it returns the law at these points,
     with parameters that broadcast with x.
@@ -156,6 +159,27 @@ def is_zero(law: Law) -> bool:
 def law_at(law: _AnyLaw, element: ndarray | None) -> _AnyLaw:
     """Law at points, given by element numbers, if it varies by element."""
     return law.at(element) if hasattr(law, "at") else law
+
+
+def n_slips(law: Any) -> int:
+    """Number of friction elements of a law, for one family if it has two."""
+    return int(getattr(law, "n_slips", 0))
+
+
+def with_slip(law: _AnyLaw, slip: ndarray) -> _AnyLaw:
+    """A law with the slip of its friction elements; the law itself without any."""
+    holder: Any = law
+    return holder.with_slip(slip) if n_slips(law) else law
+
+
+def slip_after(law: Any, x: ndarray, slip: ndarray) -> ndarray:
+    """Slip of the friction elements of a law at the end of a monotonic step to x."""
+    return law.slip_after(x, slip) if n_slips(law) else slip
+
+
+def loss(law: Any, change: ndarray) -> Any:
+    """Energy density lost by changes of slip of the friction elements of a law."""
+    return law.loss(change) if n_slips(law) else 0.0
 
 
 def domain_of(law: Law) -> tuple[Any, Any]:
@@ -348,6 +372,23 @@ class TwoLaws(BiaxialLaw):
         return self.laws[family]
 
     @property
+    def n_slips(self) -> int:
+        """Larger number of friction elements of both laws."""
+        return max(map(n_slips, self.laws))
+
+    def with_slip(self, slip: ndarray) -> "TwoLaws":
+        """The laws after slip of their elements, shape (2, n_slips, ...)."""
+        return TwoLaws(*map(with_slip, self.laws, slip))
+
+    def slip_after(self, strain: ndarray, slip: ndarray) -> ndarray:
+        """Slip at the end of a monotonic step, shape (2, n_slips, ...)."""
+        return np.array([*map(slip_after, self.laws, strain, slip)])
+
+    def loss(self, change: ndarray) -> Any:
+        """Energy density lost by changes of slip, shape (2, n_slips, ...)."""
+        return sum(map(loss, self.laws, change))
+
+    @property
     def domain(self) -> tuple[Any, Any]:
         """Domains of the laws."""
         low, high = zip(*map(domain_of, self.laws), strict=True)
@@ -458,6 +499,11 @@ def inner_law(name: str, law: Any) -> Law:
         raise ValueError(f"{name} must be a law, such as Linear(5e3), got {law!r}")
     if isinstance(law, BiaxialLaw):
         raise ValueError(f"{name} must be a law of one strain, got {law!r}")
+    if n_slips(law):
+        raise ValueError(
+            f"{name} must not have friction: add it to the whole law, as in "
+            "WithFriction(TensionOnly(law), limits, onsets)"
+        )
     if hasattr(law, "region") or law_at(law, None) is not law:
         raise ValueError(
             f"{name} must be uniform over the elements; define a fabric for each "

@@ -9,7 +9,17 @@ from numpy import ndarray
 from skfem import Mesh
 
 from .fabric import Direction, Fabric, is_law, unit_vectors
-from .law import BiaxialLaw, Linear, TwoLaws, domain_of, law_at
+from .law import (
+    BiaxialLaw,
+    Linear,
+    TwoLaws,
+    domain_of,
+    law_at,
+    loss,
+    n_slips,
+    slip_after,
+    with_slip,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +58,25 @@ class _OneOfLaws:
     def tangent(self, x: ndarray) -> ndarray:
         """Derivative of the value."""
         return _chosen(self.region, [law.tangent(x) for law in self.laws])
+
+    @property
+    def n_slips(self) -> int:
+        """Largest number of friction elements of the laws."""
+        return max(map(n_slips, self.laws))
+
+    def with_slip(self, slip: ndarray) -> Self:
+        """The laws after slip of their elements, see `WithFriction`."""
+        return replace(self, laws=[with_slip(law, slip) for law in self.laws])
+
+    def slip_after(self, x: ndarray, slip: ndarray) -> ndarray:
+        """Slip at the end of a monotonic step to x."""
+        every = [slip_after(law, x, slip) for law in self.laws]
+        return _chosen(self.region, every)
+
+    def loss(self, change: ndarray) -> ndarray:
+        """Energy density lost by changes of slip."""
+        every = [np.asarray(loss(law, change)) for law in self.laws]
+        return _chosen(self.region, every)
 
 
 class RegionalLaw(_OneOfLaws):

@@ -11,6 +11,9 @@ odd part φ_o of φ, the energy per area is
 
 φ(κ) for m = κ n, and φ_e for bending in the tangent plane of the ply, for which no side
 is the positive one.
+
+Friction elements act on the signed curvature m·n: bending in the tangent plane of a ply
+in space has no friction.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +27,7 @@ from numpy import ndarray
 from scipy.sparse import bsr_matrix, csr_matrix, vstack
 from skfem import AbstractBasis
 
-from ..fabric.law import Law, domain_of, law_at
+from ..fabric.law import Law, domain_of, law_at, loss, n_slips, slip_after, with_slip
 from ..mesh.bases import components
 from .curvature import Curvature, gradient_along
 
@@ -66,13 +69,18 @@ class BentFibres:
     name
         Name of the family.
     law
-        The law.
+        The law, without friction.
     curvature
         Curvature vectors.
     frame
-        Directions that define the sign of the curvature; None for a symmetric law.
+        Directions that define the sign of the curvature; None for a symmetric law
+        without friction.
     d
         Number of components.
+    symmetric
+        True if the law is symmetric.
+    friction
+        Friction elements of the law; None if there are none.
     """
 
     name: str
@@ -80,23 +88,41 @@ class BentFibres:
     curvature: Curvature
     frame: Frame | None
     d: int
+    symmetric: bool
+    friction: Any = None
 
-    def energy(self, v: ndarray) -> float:
-        """Energy in N·mm; not a number beyond the domain of the law."""
+    def energy(self, v: ndarray, slip: ndarray | None = None) -> float:
+        """Energy in N·mm; not a number beyond the domain of the law.
+
+        ``slip`` is the slip of the friction elements at the points, shape (n_slips,
+        n_elements, n_points); by default there is none.
+        """
         m = self._vectors(v)
         size = np.linalg.norm(m, axis=1)
-        if self.frame is None:
-            return float(self._moments(size).energy.sum())
+        lost = 0.0
+        if self.friction is not None:
+            q = self._signed(m, v).value
+            lost = float(self._moments(q, self._slipped(slip)).energy.sum())
+        if self.symmetric:
+            return float(self._moments(size).energy.sum()) + lost
         q = self._signed(m, v).value
         even, odd = self._parts(size, q)
-        return float(even.energy.sum() + odd.energy.sum())
+        return float(even.energy.sum() + odd.energy.sum()) + lost
 
-    def forces(self, v: ndarray) -> ndarray:
+    def forces(self, v: ndarray, slip: ndarray | None = None) -> ndarray:
         """Derivative of the energy by v."""
         m = self._vectors(v)
+        if self.friction is None:
+            return self._elastic_forces(m, v)
+        q = self._signed(m, v)
+        moment = self._moments(q.value, self._slipped(slip)).value
+        of_friction = self._every.T @ (moment[:, None] * q.gradient).ravel()
+        return self._elastic_forces(m, v) + of_friction
+
+    def _elastic_forces(self, m: ndarray, v: ndarray) -> ndarray:
         size = np.linalg.norm(m, axis=1)
         C = self.curvature.operator
-        if self.frame is None:
+        if self.symmetric:
             return C.T @ (_ratio(self._moments(size), size)[:, None] * m).ravel()
         q = self._signed(m, v)
         even, odd = self._parts(size, q.value)
@@ -104,20 +130,37 @@ class BentFibres:
         by_y[:, : self.d] += _ratio(even, size)[:, None] * m
         return self._every.T @ by_y.ravel()
 
-    def stiffness(self, v: ndarray) -> csr_matrix:
+    def stiffness(self, v: ndarray, slip: ndarray | None = None) -> csr_matrix:
         """Second derivative of the energy by v, symmetric."""
         m = self._vectors(v)
+        if self.friction is None:
+            return self._elastic_stiffness(m, v)
+        q = self._signed(m, v)
+        H = _of_signed(self._moments(q.value, self._slipped(slip)), q)
+        return self._elastic_stiffness(m, v) + _assembled(self._every, H)
+
+    def _elastic_stiffness(self, m: ndarray, v: ndarray) -> csr_matrix:
         size = np.linalg.norm(m, axis=1)
-        if self.frame is None:
+        if self.symmetric:
             H = _of_magnitude(self._moments(size), m, size)
             return _assembled(self.curvature.operator, H)
         q = self._signed(m, v)
         even, odd = self._parts(size, q.value)
-        g = q.gradient
-        H = odd.tangent[:, None, None] * g[:, :, None] * g[:, None]
-        H += odd.value[:, None, None] * q.hessian
+        H = _of_signed(odd, q)
         H[:, : self.d, : self.d] += _of_magnitude(even, m, size)
         return _assembled(self._every, H)
+
+    def slip_at_rest(self) -> ndarray:
+        """No slip of the friction elements, shape (n_slips, n_elements, n_points)."""
+        return np.zeros((n_slips(self.friction), *self.curvature.site.shape))
+
+    def slip_after(self, v: ndarray, slip: ndarray) -> tuple[ndarray, float]:
+        """Slip at the end of a step to v, and the energy lost in N·mm."""
+        q = self._signed(self._vectors(v), v).value
+        law = law_at(self.friction, self._elements)
+        after = slip_after(law, q[self.curvature.site], slip)
+        lost = self.curvature.area * loss(law, after - slip)
+        return after, float(lost.sum())
 
     def couples(self) -> ndarray:
         """Pairs of nodes coupled by the stiffness, shape (2, n)."""
@@ -133,7 +176,7 @@ class BentFibres:
         """
         m = self._vectors(v)
         size = np.linalg.norm(m, axis=1)
-        if self.frame is not None:
+        if not self.symmetric:
             size = np.copysign(size, self._signed(m, v).value)
         acts = self.curvature.area > 0
         at_points: ndarray = size[self.curvature.site] * acts
@@ -151,7 +194,16 @@ class BentFibres:
 
     @cached_property
     def _at_points(self) -> Law:
-        return law_at(self.law, np.arange(len(self.curvature.site))[:, None])
+        return law_at(self.law, self._elements)
+
+    @property
+    def _elements(self) -> ndarray:
+        return np.arange(len(self.curvature.site))[:, None]
+
+    def _slipped(self, slip: ndarray | None) -> Law:
+        """Friction elements at the points, after slip."""
+        at_points: Law = law_at(self.friction, self._elements)
+        return with_slip(at_points, self.slip_at_rest() if slip is None else slip)
 
     @cached_property
     def _every(self) -> csr_matrix:
@@ -164,10 +216,13 @@ class BentFibres:
         """Curvature vectors m at the sites, shape (n_sites, d)."""
         return (self.curvature.operator @ v).reshape(-1, self.d)
 
-    def _moments(self, x: ndarray) -> Moments:
-        """The law at curvatures of the sites, summed over the areas of their points."""
+    def _moments(self, x: ndarray, law: Law | None = None) -> Moments:
+        """A law at curvatures of the sites, summed over the areas of their points.
+
+        By default the law without friction.
+        """
         site, area = self.curvature.site, self.curvature.area
-        law, at = self._at_points, np.where(area > 0, x[site], 0.0)
+        law, at = law or self._at_points, np.where(area > 0, x[site], 0.0)
         low, high = domain_of(law)
         area = np.where((at < low) | (at > high), np.nan, area)
 
@@ -289,6 +344,13 @@ def _of_magnitude(of: Moments, m: ndarray, size: ndarray) -> ndarray:
     e = m / np.maximum(size, _STRAIGHT)[:, None]
     along = e[:, :, None] * e[:, None]
     return ratio * np.eye(m.shape[1]) + (of.tangent[:, None, None] - ratio) * along
+
+
+def _of_signed(of: Moments, q: _Signed) -> ndarray:
+    """Second derivatives of φ(m·n) by m and the directions, shape (n_sites, k, k)."""
+    g = q.gradient
+    H: ndarray = of.tangent[:, None, None] * g[:, :, None] * g[:, None]
+    return H + of.value[:, None, None] * q.hessian
 
 
 def _assembled(operator: csr_matrix, blocks: ndarray) -> csr_matrix:

@@ -51,7 +51,8 @@ class FibreFields(NamedTuple):
         Logarithmic fibre strain ε = ln λ, shape (2, ...).  On a `MeanBasis` or a
         `MacroBasis` ln λ̄, of the mean stretch, as in `mean_tension`.
     tension
-        Tension T(ε) in N/mm of ply width, shape (2, ...).
+        Tension T(ε) in N/mm of ply width, shape (2, ...); for a law with friction at
+        the first loading.
     shear_angle
         Shear angle Γ in radians, shape (...).
     direction

@@ -33,6 +33,8 @@ checks reject folded states.  In space det F is replaced by the area ratio, whic
 sign.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
@@ -40,6 +42,7 @@ from skfem.helpers import ddot
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
+from ..fabric.law import with_slip
 from ..mesh.bases import JumpBasis, mean
 from ..mesh.user_input import parameter
 from .form import (
@@ -64,7 +67,9 @@ def tension(fabric: Fabric) -> Forms:
     A tension may depend on both strains; the tangent then couples warp and weft.
 
     The tangent has an optional parameter ``tension``, shape (2, n_elements, n_points):
-    fibre tensions (warp, weft) for its geometric part instead of T(ε).
+    fibre tensions (warp, weft) for its geometric part instead of T(ε).  For laws with
+    friction elements the forms have an optional parameter ``slip``, shape (2, n_slips,
+    n_elements, n_points), see `WithFriction`.
 
     Raises
     ------
@@ -87,7 +92,7 @@ def tension(fabric: Fabric) -> Forms:
 
     def law(w):
         """Tensions T(ε₁, ε₂)."""
-        return fabric.at(elements(w)).tensions
+        return _held(fabric.at(elements(w)).tensions, w)
 
     def strains(w):
         F, A = deformation(w), directions(fabric, w)
@@ -122,7 +127,8 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     The forms require a `MeanBasis` and have the parameter ``E_d`` in N/mm, shape (2,
     n_elements, 1).  The tangent has an optional parameter ``tension``, shape (2,
-    n_elements, n_points), see `tension`.
+    n_elements, n_points), see `tension`; ``slip`` has the shape (2, n_slips,
+    n_elements, 1).
 
     Parameters
     ----------
@@ -134,7 +140,7 @@ def mean_tension(fabric: Fabric) -> Forms:
     def law(w):
         """Tensions T(ε₁, ε₂) of the means, from the laws at the first points."""
         element = elements(w)
-        return fabric.at(None if element is None else element[:, :1]).tensions
+        return _held(fabric.at(None if element is None else element[:, :1]).tensions, w)
 
     def stretches(w):
         F, A = deformation(w), directions(fabric, w)
@@ -209,10 +215,14 @@ def mean_tension(fabric: Fabric) -> Forms:
 
 @builds_forms("ShearKernel")
 def shear(fabric: Fabric) -> Forms:
-    """In-plane shear: virtual work ∫ M_s δΓ dΩ."""
+    """In-plane shear: virtual work ∫ M_s δΓ dΩ.
+
+    For a law with friction elements the forms have an optional parameter ``slip``,
+    shape (n_slips, n_elements, n_points), see `WithFriction`.
+    """
 
     def law(w):
-        return fabric.at(elements(w)).shear_law
+        return _held(fabric.at(elements(w)).shear_law, w)
 
     def energy(w):
         M_s = law(w)
@@ -230,6 +240,11 @@ def shear(fabric: Fabric) -> Forms:
         ) * kin.shear_angle_dd(F, *A)
 
     return of_density(energy, stress, stiffness)
+
+
+def _held(law: Any, w: Any) -> Any:
+    """The law with the slip of its friction elements, by default none."""
+    return with_slip(law, w["slip"]) if "slip" in w else law
 
 
 @builds_forms(basis=JumpBasis)

@@ -21,7 +21,7 @@ from ..forms.kernels.kernel import node_pair_blocks
 from ..mesh.bases import CornerBasis, Corners, components, node_positions
 from ..mesh.selection import FIBRE_ENDS, FibreEnd, Turning
 from ..mesh.user_input import call_user_function, real_numbers, shortened
-from .parameters import NO_VALUES, Values
+from .parameters import NO_VALUES, TermParameters, Values
 from .terms import ElementTerm, FormTerm, MatrixTerm, named_edges
 
 if TYPE_CHECKING:
@@ -176,32 +176,35 @@ class BendingTerm(MatrixTerm):
     """Energy ½ v·K·v, and of families with bending laws; v as in `bending_matrix`.
 
     ``matrix`` is the displacement block of K, ``whole`` is K, ``turning`` are the
-    rotating clamps by boundary name, and ``bent`` the families with laws.
+    rotating clamps by boundary name, ``bent`` the families with laws, and
+    ``parameters`` the slip of their friction elements.
     """
 
     whole: csr_matrix = field(kw_only=True)
     turning: Mapping[str, Turning] = field(kw_only=True)
     bent: Sequence["BentFibres"] = field(kw_only=True, default=())
+    parameters: TermParameters | None = field(kw_only=True, default=None)
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """½ v·K·v, and the energies of the laws."""
         v = self._with_turns(u, t)
-        of_laws = sum(fibres.energy(v) for fibres in self.bent)
-        return 0.5 * float(v @ (self.whole @ v)) + of_laws
+        of_laws = sum(fibres.energy(v, p.get(_slip_of(fibres))) for fibres in self.bent)
+        return 0.5 * float(v @ (self.whole @ v)) + of_laws + float(p.get("work", 0.0))
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Derivative of the energy: rows that belong to the displacement."""
         v = self._with_turns(u, t)
         forces = self.whole @ v
         for fibres in self.bent:
-            forces = forces + fibres.forces(v)
+            forces = forces + fibres.forces(v, p.get(_slip_of(fibres)))
         return forces[: len(u)]
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
         """K, and the second derivatives of the energies of the laws."""
         K, v = super().tangent(u, t, p), self._with_turns(u, t)
         for fibres in self.bent:
-            K = K + fibres.stiffness(v)[: len(u), : len(u)]
+            of_law = fibres.stiffness(v, p.get(_slip_of(fibres)))
+            K = K + of_law[: len(u), : len(u)]
         return K
 
     def couples(self) -> Sequence[ndarray] | None:
@@ -224,13 +227,49 @@ class BendingTerm(MatrixTerm):
             yield f"{fibres.name}_curvature", fibres.curvatures(v), *fibres.ends
 
     def _with_turns(self, u: ndarray, t: float) -> ndarray:
-        n = self.whole.shape[0] - len(u)
-        if not n:
-            return u
-        d = n // (2 * len(self.turning))
-        every = (turn_of(name, end, t, d) for name, end in self.turning.items())
-        changes = [(R - np.eye(d))[:, :2].T.ravel() for R in every]
-        return np.concatenate([u, *changes])
+        d = (self.whole.shape[0] - len(u)) // (2 * max(len(self.turning), 1))
+        return with_turns(u, t, self.turning, d)
+
+
+def with_turns(u: ndarray, t: float, turning: Mapping[str, Turning], d: int) -> ndarray:
+    """Displacement, and changes of the fibres in rotating clamps, with d components."""
+    if not turning:
+        return u
+    every = (turn_of(name, end, t, d) for name, end in turning.items())
+    changes = [(R - np.eye(d))[:, :2].T.ravel() for R in every]
+    return np.concatenate([u, *changes])
+
+
+def _slip_of(fibres: "BentFibres") -> str:
+    """Name of the slip of a family among the parameters of the term."""
+    return f"{fibres.name} slip"
+
+
+@dataclass(frozen=True, eq=False)
+class BendingSlip(TermParameters):
+    """Slip of the friction elements of bending laws, and the energy that it lost.
+
+    The values are the slip of each family with friction, such as ``warp slip``, see
+    `WithFriction`, and ``work`` in N·mm; ``turning`` and ``d`` as in `with_turns`.
+    """
+
+    bent: Sequence["BentFibres"]
+    turning: Mapping[str, Turning]
+    d: int
+
+    def at_rest(self) -> Values:
+        """No slip, and no energy lost."""
+        slips = {_slip_of(fibres): fibres.slip_at_rest() for fibres in self.bent}
+        return Values(slips | {"work": np.zeros(())})
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """Slip and energy lost at the end of a step to ``u``."""
+        v, after = with_turns(u, t, self.turning, self.d), dict(values)
+        for fibres in self.bent:
+            slip, lost = fibres.slip_after(v, values[_slip_of(fibres)])
+            after[_slip_of(fibres)] = slip
+            after["work"] = after["work"] + lost
+        return Values(after)
 
 
 def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
@@ -285,7 +324,11 @@ def bending_term(
         K = K + of_twist
     full = csr_matrix((n, n)) if np.isscalar(K) else csr_matrix(K)
     matrix = full[: basis.N, : basis.N]
-    term = BendingTerm("bending", matrix, whole=full, turning=turning, bent=bent)
+    slipping = [fibres for fibres in bent if fibres.friction is not None]
+    slip = BendingSlip(slipping, turning, components(basis)) if slipping else None
+    term = BendingTerm(
+        "bending", matrix, whole=full, turning=turning, bent=bent, parameters=slip
+    )
     term.energy(basis.zeros(), 0.0)  # refuses invalid rotations
     return term
 
@@ -298,18 +341,20 @@ def _bent_fibres(
     ends: Mapping[str, FibreEnd],
 ) -> "BentFibres":
     """Family with a bending law, whose sign is defined if it is not symmetric."""
+    from ..fabric.laws.friction import parted
     from ..forms.bending_laws import BentFibres, frame_of, is_symmetric
     from ..forms.curvature import curvature_of
 
-    law: Any = fabric.bending[family]
+    law, friction = parted(fabric.bending[family])
     name = fabric.families[family].name
     d, frame = components(basis), None
     curvature = curvature_of(basis, directions[family], ends)
-    if not is_symmetric(law_at(law, None), LARGEST_CURVATURE):
+    symmetric = is_symmetric(law_at(law, None), LARGEST_CURVATURE)
+    if not symmetric or friction is not None:
         needed = directions if d == 3 else [directions[family]]
         x = np.pad(node_positions(basis), ((0, d - 2), (0, 0))).T.ravel()
         frame = frame_of(basis, needed, curvature, x)
-    return BentFibres(name, law, curvature, frame, d)
+    return BentFibres(name, law, curvature, frame, d, symmetric, friction)
 
 
 def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd]:

@@ -36,6 +36,7 @@ from .parameters import (
     HeldStabilisation,
     TermParameters,
     Values,
+    with_slip_of,
 )
 from .terms import FormTerm, TensionTerm, Term
 
@@ -50,7 +51,8 @@ class Pointwise:
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """Tension T(ε) at every point."""
-        return TensionTerm("tension", forms.tension(fabric), basis)
+        slip = with_slip_of(None, fabric, basis, "tension")
+        return TensionTerm("tension", forms.tension(fabric), basis, parameters=slip)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """None."""
@@ -106,11 +108,12 @@ def mean_tension_term(
             resolved = _resolved(fabric, basis)
             layer[resolved[::-1]] = 0.0
             layer[resolved] = np.inf
+    held = HeldDeviation(fabric, deviation, basis, layer)
     return TensionTerm(
         "tension",
         forms.mean_tension(fabric),
         basis,
-        parameters=HeldDeviation(fabric, deviation, basis, layer),
+        parameters=with_slip_of(held, fabric, basis, "tension"),
         of_means=Values({"E_d": np.zeros_like(layer)}),
     )
 

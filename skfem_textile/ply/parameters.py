@@ -17,7 +17,7 @@ from skfem import CellBasis, asm
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
-from ..fabric.law import Law, mean_slope
+from ..fabric.law import Law, Resistance, mean_slope, n_slips
 from ..forms.hourglass import hourglass_rate, rate_increment
 from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers, mean
 from ..mesh.scikit_fem import FormExtraParams
@@ -143,6 +143,110 @@ class TermParameters(Protocol):
     def advanced(self, values: Values, u: ndarray, t: float) -> Values:
         """Values updated once per step, at its converged displacement ``u``."""
         return values
+
+
+class Together(TermParameters):
+    """Parameters of a term that are declared by several objects.
+
+    Parameters
+    ----------
+    parts
+        Declarations of different values.
+    """
+
+    def __init__(self, *parts: TermParameters) -> None:
+        self._parts = parts
+        self.depends_on_steps = any(part.depends_on_steps for part in parts)
+
+    def at_rest(self) -> Values:
+        """Values of all parts."""
+        return Values({k: x for part in self._parts for k, x in part.at_rest().items()})
+
+    def updated(
+        self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
+    ) -> Values:
+        """Values updated by each part."""
+        for part in self._parts:
+            values = Values({**values, **part.updated(values, u, t, tension)})
+        return values
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """Values advanced by each part."""
+        for part in self._parts:
+            values = Values({**values, **part.advanced(values, u, t)})
+        return values
+
+
+class Slip(TermParameters):
+    """Slip of the friction elements of laws, and the energy that it lost.
+
+    The values are ``slip``, see `WithFriction`, and ``work``, the energy lost so far in
+    N·mm.  ``slip`` has the shape (n_slips, n_elements, n_points) for shear, and (2,
+    n_slips, n_elements, n_points) for tension, with one point where the law is
+    evaluated at the mean stretch.
+
+    Parameters
+    ----------
+    fabric
+        Fibre directions and laws.
+    basis
+        Basis of the forms.
+    of
+        Quantity of the laws.
+    of_means
+        True if the tension is evaluated at the mean stretch.
+    """
+
+    def __init__(
+        self,
+        fabric: Fabric,
+        basis: CellBasis,
+        of: Resistance,
+        of_means: bool = False,
+    ) -> None:
+        self._fabric, self._basis, self._of_means = fabric, basis, of_means
+        self._of = of
+        element = element_numbers(basis)
+        fabric = fabric.at(element[:, :1] if of_means else element)
+        self._law: Any = fabric.shear_law if of == "shear" else fabric.tensions
+
+    def at_rest(self) -> Values:
+        """No slip, and no energy lost."""
+        n_elements, n_points = self._basis.dx.shape
+        families = () if self._of == "shear" else (2,)
+        points = 1 if self._of_means else n_points
+        slip = np.zeros((*families, self._law.n_slips, n_elements, points))
+        return Values({"slip": slip, "work": np.zeros(())})
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """Slip and energy lost at the end of a monotonic step to ``u``."""
+        slip = self._law.slip_after(self._argument(u), values["slip"])
+        loss = self._law.loss(slip - values["slip"])
+        work = values["work"] + (self._basis.dx * loss).sum()
+        return Values({"slip": slip, "work": work})
+
+    def _argument(self, u: ndarray) -> ndarray:
+        """Shear angles or fibre strains in the laws."""
+        w, basis = self._basis.default_parameters(), self._basis
+        A = self._fabric.directions(np.asarray(w["x"]), element_numbers(basis))
+        F = kin.deformation_gradient(displacement_gradient(basis, u))
+        if self._of == "shear":
+            return kin.shear_angle(F, *A)
+        if self._of_means:
+            return np.log(mean(w, np.array([kin.stretch(F, a) for a in A])))
+        return np.array([kin.fibre_strain(F, a) for a in A])
+
+
+def with_slip_of(
+    parameters: TermParameters | None, fabric: Fabric, basis: CellBasis, of: Resistance
+) -> TermParameters | None:
+    """Parameters of a term, and the slip of its laws if they have friction."""
+    law = fabric.shear_law if of == "shear" else fabric.tensions
+    if not n_slips(law):
+        return parameters
+    if parameters is None:
+        return Slip(fabric, basis, of)
+    return Together(parameters, Slip(fabric, basis, of, of_means=True))
 
 
 def stabilisation_stiffness(

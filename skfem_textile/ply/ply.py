@@ -22,7 +22,7 @@ from ..mesh.selection import FibreEnd
 from ..mesh.splitting import at_nodes, hat_functions, original_elements, was_changed
 from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT
-from .parameters import NO_VALUES, PlyParameters
+from .parameters import NO_VALUES, PlyParameters, with_slip_of
 from .sum_of_terms import SumOfTerms
 from .term_check import check_term, contradiction
 from .terms import FormTerm, Formulation, Load, TensionTerm, Term
@@ -164,7 +164,9 @@ class Ply(SumOfTerms):
         fabric, basis = self.fabric, self.basis
         terms: list[Term] = [tension] if tension else []
         if not is_zero(fabric.shear_law):
-            terms.append(FormTerm("shear", forms.shear(fabric), basis))
+            slip = with_slip_of(None, fabric, basis, "shear")
+            shear = FormTerm("shear", forms.shear(fabric), basis, parameters=slip)
+            terms.append(shear)
         if not terms:
             raise ValueError("the fabric has no stiffness: specify tension or shear")
         if corners:

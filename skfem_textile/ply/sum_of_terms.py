@@ -164,6 +164,25 @@ class SumOfTerms(FabricOnBasis):
         }
         return _changed(parameters, after)
 
+    def energy_lost(
+        self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
+    ) -> dict[str, float]:
+        """Energy lost by friction of the laws up to a state in N·mm, by term.
+
+        Empty without friction.
+
+        Parameters
+        ----------
+        u, t, parameters
+            Displacement, load factor and parameters of the state.
+        """
+        values = self.parameters_at_rest if parameters is None else parameters
+        return {
+            name: float(declared.advanced(values[name], u, t)["work"])
+            for name, declared in self._declared.items()
+            if any("slip" in value for value in values[name])
+        }
+
     @cached_property
     def _at_elements(self) -> Fabric:
         """The fabric with its laws at the elements."""
@@ -248,6 +267,7 @@ class SumOfTerms(FabricOnBasis):
             if term in self._kinds.by_kernel:
                 groups = self._states([term], u, t, parameters)
                 energy += sum(x.kernel.energy(x) for group in groups for x in group)
+                energy += float(self._values(term, parameters).get("work", 0.0))
             else:
                 energy += term.energy(u, t, self._values(term, parameters))
         return energy
@@ -299,7 +319,9 @@ class SumOfTerms(FabricOnBasis):
             energy = self.energy(u, t, parameters, [term])
             forces = self.residual(u, t, parameters, [term])
             if isinstance(term, TensionTerm) and term.of_means is not None:
-                of_term, means = (energy, forces), {term.name: term.of_means}
+                p = self._values(term, parameters)
+                of_term = energy, forces
+                means = {term.name: Values({**p, **term.of_means})}
                 energy = self.energy(u, t, means, [term])
                 forces = self.residual(u, t, means, [term])
                 remainder = of_term[0] - energy, of_term[1] - forces

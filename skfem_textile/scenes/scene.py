@@ -14,7 +14,7 @@ from skfem import Mesh
 from ..fabric import Fabric, Law, is_zero
 from ..ply import Ply
 from ..ply.formulations import DEFAULT
-from ..ply.terms import Formulation, Load
+from ..ply.terms import Factor, Formulation, Load, proportional
 from ..solve.conditions import Condition
 from ..solve.newton import Method
 from ..solve.on_surface import OnSurface
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..contact import Holder, Tool
     from ..mesh.selection import FibreEnd
     from ..outlines import Outline
+    from ..solve.programme import Programme
     from .shear_test import BiasTest, FrameTest
 
 ExactField = Callable[[ndarray, float], ndarray]
@@ -137,6 +138,8 @@ class Scene:
     initial_guess
         Displacement of a ply near the equilibrium under the whole load, or None, see
         `LoadStepper`.
+    programme
+        Load programme that motions and loads follow, or None, see `through`.
     """
 
     name: str
@@ -164,6 +167,90 @@ class Scene:
     first: Sequence[Quantity] = ()
     axes: Axes = SAME_AXES
     initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
+    programme: "Programme | None" = None
+
+    def through(
+        self, levels: Sequence[float], release: Collection[str] = ()
+    ) -> "Scene":
+        """The same problem with motions and loads that follow a load programme.
+
+        Each passes through the levels in parts of equal length, see `Programme`;
+        constant loads remain.  Only the exact fields of the scene remain of its
+        figures.
+
+        Parameters
+        ----------
+        levels
+            Factors of the motions and loads at the ends of the parts.
+        release
+            Names of conditions whose forces are removed in one more part, in which the
+            others hold the ply.
+
+        Raises
+        ------
+        ValueError
+            If a level is not a finite number, a condition is unknown, or the ply is on
+            or between tools.
+
+        Examples
+        --------
+        >>> from skfem_textile.scenes import picture_frame
+        >>> scene = picture_frame(size=(2, 2)).through([1.0, 0.0])
+        >>> float(scene.shear_angle(scene.mesh.p, 1.0).max())
+        0.0
+        """
+        from ..solve.programme import Programme
+
+        on_tool = any(isinstance(c, OnSurface) for c in self.conditions.values())
+        if self.tools or on_tool:
+            raise ValueError(
+                f"a programme does not apply to the scene {self.name}, whose ply is on "
+                "or between tools: give the tools rows of motions"
+            )
+        if unknown_names := sorted({*release} - self.conditions.keys()):
+            raise ValueError(
+                f"the scene {self.name} has no condition {unknown_names[0]!r}: choose "
+                f"from {', '.join(self.conditions)}"
+            )
+        if release and {*release} == self.conditions.keys():
+            raise ValueError(
+                "no condition remains: hold the ply by another condition, at two nodes "
+                "or more"
+            )
+        levels = tuple(levels)
+        programme = Programme((*levels, levels[-1]) if levels and release else levels)
+        end = 1 - 1 / programme.parts
+        loads: list[Any] = [*self.loads]
+        for i, load in enumerate(loads):
+            if callable(factor := load.factor):
+                loads[i] = replace(load, factor=_composed(factor, programme))
+        fibre_ends = {
+            name: partial(_end_at, of=of, programme=programme) if callable(of) else of
+            for name, of in self.fibre_ends.items()
+        }
+        of_load = self.load and partial(_load_at, of=self.load, programme=programme)
+        return replace(
+            self,
+            conditions={
+                name: replace(
+                    c,
+                    factor=_composed(c.factor, programme),
+                    until=end if name in release else c.until,
+                )
+                for name, c in self.conditions.items()
+                if isinstance(c, Condition)
+            },
+            displacement=_field_at(self.displacement, programme),
+            shear_angle=_field_at(self.shear_angle, programme),
+            load=of_load,
+            loads=tuple(loads),
+            fibre_ends=fibre_ends,
+            figures=_no_figures,
+            measured=_no_figures,
+            first=(),
+            programme=programme,
+            misfit=self.misfit or ("conditions have ended" if release else ""),
+        )
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres, conditions and loads rotated together.
@@ -413,6 +500,8 @@ class Scene:
             return {}
         if is_zero(fabric.shear_law) or t == 0:
             return {}
+        if self.programme and (fabric.has_friction or not self.programme(t)):
+            return {}  # it is the load of the first loading
         exact = self.load(fabric.shear_law, t)
         if not np.isfinite(exact):
             return {
@@ -451,6 +540,35 @@ def _turned_vector(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
 
 def _turned_number(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
     return of(Q.T @ X, t)
+
+
+def _composed(factor: Factor, programme: "Programme") -> Factor:
+    """Factor at the load factor of a programme."""
+    if factor is proportional:
+        return programme
+    return partial(_factor_at, of=factor, programme=programme)
+
+
+def _factor_at(t: float, of: Any, programme: "Programme") -> float:
+    return float(of(programme(t)))
+
+
+def _end_at(t: float, of: Any, programme: "Programme") -> Any:
+    return of(programme(t))
+
+
+def _load_at(law: Law, t: float, of: Any, programme: "Programme") -> float:
+    return float(of(law, programme(t)))
+
+
+def _field_at(field: ExactField, programme: "Programme") -> ExactField:
+    if field is unknown:
+        return field
+    return partial(_exact_at, of=field, programme=programme)
+
+
+def _exact_at(X: ndarray, t: float, of: ExactField, programme: "Programme") -> ndarray:
+    return of(X, programme(t))
 
 
 def _rotation(angle: float) -> ndarray:

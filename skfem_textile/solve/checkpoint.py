@@ -35,7 +35,7 @@ _RUN, _STATES = "run.npz", "state_*.npz"
 _VECTORS = ("reactions", "displacements")
 
 # Attributes of states that files do not contain: `Replay` computes them.
-_COMPUTED = ("shares", "forces")
+_COMPUTED = ("shares", "forces", "energy_lost")
 
 # Length to which a setting is shortened in a message.
 _SHOWN = 100
@@ -93,6 +93,7 @@ class Checkpoint:
         if "\0" in str(folder):
             raise CheckpointError(f"checkpoint {str(folder)!r} is not a valid path")
         self._ply, self._constraints = problem.ply, problem.constraints
+        self._release = problem.release
         described = {"format": _FORMAT, **settings, **_described(problem)}
         self._settings = json.loads(json.dumps(described))
         self._run = ""
@@ -274,6 +275,8 @@ class Checkpoint:
             ),
             "surfaces": np.empty(0) if surfaces is None else surfaces.levels(1.0),
         }
+        if self._release:
+            entries["ends of conditions"] = np.array(self._release.ends)
         probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
         for t in _PROBED if ply.follows_load_factor else (1.0,):
             forces = ply.residuals(probe, t)
@@ -333,12 +336,12 @@ class Replay:
     def repeated(self, state: State) -> tuple[Trial, ndarray]:
         """Evaluate a stored state again; its trial and the fixed values."""
         t, u, p = state.load_factor, state.u, state.parameters
-        problem = self._problem.at(t)
         before = None
         if t > 0 and not (
             self._guessed and t == 1 and not self.last.problem.load_factor
         ):
             before = self.last.next_start()
+        problem = self._problem.at(t)  # at which conditions may have ended
         equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
         trial = Trial.of(problem, equilibrium, before)
         return trial, problem.constraints.fixed_values(t)

@@ -16,6 +16,7 @@ from ..fabric import Direction, unit_vectors
 from ..mesh.bases import components, node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes, turned_where
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
+from ..ply.terms import Factor, factor_at, proportional
 from .on_surface import OnSurface
 from .surface_nodes import PARALLEL_ANGLE, SurfaceNodes
 
@@ -53,6 +54,11 @@ class Condition:
     direction
         The direction in which the displacement is fixed: a vector of d components or a
         function of position.  If not given, all components are fixed.
+    factor
+        Function of the load factor that takes its place, such as a `Programme`.
+    until
+        Load factor at which the condition ends.  Its forces on the ply then decrease in
+        proportion to the load factor up to 1, where its nodes are free of forces.
     together
         True if all nodes have the same displacement along the directions that are not
         fixed, as in a rigid clamp that is guided or hangs free.  Such a clamp does not
@@ -75,9 +81,16 @@ class Condition:
     value: Value = 0.0
     direction: Direction | None = None
     together: bool = False
+    factor: Factor = proportional
+    until: float = 1.0
 
     def __post_init__(self) -> None:
         keep_copies(self, "where", "value", "direction")
+        if not 0 < self.until <= 1:
+            raise ValueError(
+                "until must be a load factor above 0 and at most 1, got "
+                f"{shortened(self.until)}"
+            )
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
         """Numbers of the nodes of the condition, in the order of its values.
@@ -129,6 +142,8 @@ class Condition:
     def values(self, name: str, X: ndarray, t: float, d: int = 2) -> ndarray:
         """Displacements along the fixed directions, shape (k, n)."""
         what, data = f"condition {name!r}: the value", self.value
+        if self.factor is not proportional:
+            t = factor_at(f"condition {name!r}", self.factor, t)
         axes, n_nodes = self._axes(name, d), X.shape[1]
         if callable(self.value):
             data = call_user_function(what, self.value, X, t)
@@ -175,7 +190,13 @@ class Condition:
         if direction is not None:
             direction = partial(_turned_direction, direction=direction, Q=Q)
         turned_value: Any = partial(_turned_value, condition=self, Q=Q)
-        return replace(self, where=where, value=turned_value, direction=direction)
+        return replace(
+            self,
+            where=where,
+            value=turned_value,
+            direction=direction,
+            factor=proportional,  # which the value includes
+        )
 
 
 def _turned_value(X: ndarray, t: float, condition: Condition, Q: ndarray) -> ndarray:

@@ -139,6 +139,12 @@ _OWN_TERM = (
     "the discretisation error of the term {} is not known; compare with a finer mesh"
 )
 
+_FRICTION = (
+    "intervals are measured for laws without friction only; compare with a finer mesh"
+)
+
+_RELEASED = "conditions have ended; compare with a finer mesh"
+
 #: A quantity of the user: a number from a ply and its displacement.
 Quantity = Callable[[Ply, ndarray], float]
 
@@ -244,6 +250,10 @@ def error_interval(
         return ErrorInterval(reason="the equilibrium is not stable")
     if not problem.constraints.free.size:
         return ErrorInterval(reason="no node is free: refine the mesh")
+    if problem.ply.fabric.has_friction:
+        return ErrorInterval(reason=_FRICTION)
+    if problem.release and problem.release.phase(state.load_factor):
+        return ErrorInterval(reason=_RELEASED)
     if own := [x.name for x in problem.ply.terms if _has_own_forms(x)]:
         return ErrorInterval(reason=_OWN_TERM.format(", ".join(own)))
     try:
@@ -279,9 +289,8 @@ def _is_state_of(problem: Problem, state: State) -> bool:
     at = problem.at(state.load_factor)
     with np.errstate(all="ignore"):  # non-finite values are detected
         try:
-            unbalanced = at.unbalanced(
-                ply.residual(state.u, state.load_factor, p), state.u
-            )
+            f = ply.residual(state.u, state.load_factor, p)
+            unbalanced = at.unbalanced(f - at.remaining, state.u)
         except NoEquilibriumError:
             return False
     return unbalanced <= _UNBALANCED * max(0.0, state.tolerance, *state.residuals[-1:])

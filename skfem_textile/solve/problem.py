@@ -7,7 +7,7 @@ it is the second derivative of the energy less λ∇²φ, see `SurfaceNodes`.
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -20,9 +20,12 @@ from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from .conditions import Constraints, plain, reactions, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
-from .linear.system import System
+from .linear.system import System, reduced
 from .states import NoEquilibriumError
 from .surface_nodes import SurfaceNodes
+
+if TYPE_CHECKING:
+    from .release import Release
 
 #: Relative round-off of a number.
 EPSILON = 2.0**-53
@@ -132,6 +135,10 @@ class Problem:
     contacts, rubbing, balancing
         Terms of contact with tools, tools and holders with friction, and self-balancing
         loads.
+    release
+        Conditions that end during a run; None if there are none.
+    remaining
+        Remaining nodal forces in N of the conditions that have ended.
 
     Raises
     ------
@@ -141,9 +148,14 @@ class Problem:
     """
 
     def __init__(
-        self, ply: Ply, constraints: Constraints, solver: SolverOfPattern
+        self,
+        ply: Ply,
+        constraints: Constraints,
+        solver: SolverOfPattern,
+        release: "Release | None" = None,
     ) -> None:
-        self.ply = ply
+        self.ply, self.release = ply, release
+        self.remaining: ndarray | float = 0.0
         self.load_factor = 0.0
         self.propping: ndarray | float = 0.0
         self.constraints = constraints
@@ -170,6 +182,8 @@ class Problem:
         self.loaded = len(self._loads) > len(self.contacts)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
         self.moves = True
+        if release:
+            release.refuse_tools(self)
 
     @cached_property
     def system(self) -> System:
@@ -278,6 +292,8 @@ class Problem:
             _ = self._of_points
         other = copy(self)
         other.load_factor, other.propping = load_factor, propping
+        if self.release:
+            self.release.enter(other, self.release.phase(load_factor))
         return other
 
     def turn(self, u: ndarray) -> csr_matrix | None:
@@ -333,12 +349,13 @@ class Problem:
 
     def forces(self, f: ndarray) -> dict[str, ndarray]:
         """Sum of the nodal forces over the nodes of each condition, shape (d,)."""
-        forces, nodes = self.nodal(f), self.constraints.nodes
+        forces, nodes = self.nodal(f + self.remaining), self.constraints.nodes
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
 
     def reactions(self, f: ndarray, u: ndarray) -> dict[str, ndarray]:
         """Force of each condition on the ply, see `reactions`."""
-        return reactions(self.constraints, self.nodal(f), u, self.load_factor)
+        found = reactions(self.constraints, self.nodal(f), u, self.load_factor)
+        return self.release.reactions(self, found, u) if self.release else found
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
         """True if fixed unknowns have their values, and nodes are on surfaces."""
@@ -651,32 +668,3 @@ def tangent_at(
         return Tangent.at(problem, u, parameters)
     except NoEquilibriumError:
         return None
-
-
-class Reduced(NamedTuple):
-    """Tangent on the free unknowns, in elimination order.
-
-    Attributes
-    ----------
-    upper
-        Entries at and above the diagonal.
-    coupling
-        Matrix from the fixed to the free unknowns.
-    """
-
-    upper: csr_matrix
-    coupling: csr_matrix
-
-
-def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
-    """Blocks of a tangent reduced to the free unknowns, see `System`."""
-    if turn is not None and system.sums is None:
-        blocks = system.turned(blocks, turn)
-    entries = blocks.ravel()
-    if system.sums is not None:
-        entries = system.sums @ entries
-    upper, coupling = (
-        csr_matrix((entries[slots.data], slots.indices, slots.indptr), slots.shape)
-        for slots in (system.upper, system.coupling)
-    )
-    return Reduced(upper, coupling)

@@ -20,7 +20,7 @@ from .continuation import path_warning
 from .largest_angle import figures_of_shear
 from .linear.solver import Choice
 from .on_surface import OnSurface
-from .quantities import IN_PLANE, IN_SPACE, OF_PLY, Quantity, first_rows
+from .quantities import IN_PLANE, IN_SPACE, LOST, OF_PLY, Quantity, first_rows
 from .search import state_at
 from .states import State
 
@@ -271,8 +271,9 @@ class Result:
         negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; for each
         condition displacement_x and displacement_y, the mean over its nodes (mm), and
         reaction_x and reaction_y (N), in space also z; the energy in total and by term,
-        potentials of the loads, and work of reactions and loads along the path (N·mm);
-        shares of stabilisation and deviations in energy, work and reactions.
+        and with `WithFriction` the part of it that is lost; potentials of the loads,
+        and work of reactions and loads along the path (N·mm); shares of stabilisation
+        and deviations in energy, work and reactions.
         """
         rows, work = [], 0.0
         for state in self.states:
@@ -338,6 +339,7 @@ class Result:
             first.append(IN_SPACE._replace(has_interval=known or not stated).declared())
         else:
             first.append(IN_PLANE.declared())
+        lost = (LOST,) if state.energy_lost else ()
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -373,7 +375,7 @@ class Result:
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
             **of_tools,
-            "first": [*first, *(one.declared() for one in OF_PLY)],
+            "first": [*first, *(one.declared() for one in (*lost, *OF_PLY))],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
 
@@ -562,11 +564,14 @@ def components_mm(name: str, point: ndarray) -> dict[str, float]:
 
 
 def _energies(state: State) -> dict[str, float]:
-    """Internal energy, total and by term, and the potentials of loads."""
+    """Internal energy and energy lost, in total and by term; potentials of loads."""
     names = dict.fromkeys((*_TERMS, *state.energies))
     by_term = {f"{term}_energy": state.energies.get(term, 0.0) for term in names}
     loads = {f"{load}_potential": value for load, value in state.potentials.items()}
-    return {"energy": sum(state.energies.values())} | by_term | loads
+    lost = {f"{term}_energy_lost": x for term, x in state.energy_lost.items()}
+    if lost:
+        lost = {"energy_lost": sum(lost.values())} | lost
+    return {"energy": sum(state.energies.values())} | by_term | lost | loads
 
 
 def _columns(shares: Mapping[str, Mapping[str, float]]) -> dict[str, float]:

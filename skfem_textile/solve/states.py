@@ -166,7 +166,7 @@ class State:
     displacements
         Mean displacement of the nodes of the condition in mm, shape (d,), by condition.
     energies
-        Energy in N·mm by term, without loads.
+        Energy in N·mm by term, without loads; energy lost by friction is included.
     linear_solves
         Linear solves since the previous state, including abandoned attempts.
     residuals
@@ -189,6 +189,9 @@ class State:
         ``ply.residual(state.u, state.load_factor, state.parameters)``.
     warnings
         Messages of the checks of `CHECKS` that failed but only warn, by name.
+    energy_lost
+        Energy lost by friction of the laws so far in N·mm, by term; empty without
+        `WithFriction`.
     """
 
     load_factor: float
@@ -205,6 +208,7 @@ class State:
     forces: dict[str, ndarray] = field(default_factory=dict)
     parameters: PlyParameters = field(default_factory=dict)
     warnings: dict[str, str] = field(default_factory=dict)
+    energy_lost: dict[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         stable = "stable" if self.verdict.stable else "not stable"

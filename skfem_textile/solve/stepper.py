@@ -151,8 +151,20 @@ class LoadStepper:
         chosen = solver_named(solver)
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
-        self.problem = problem = Problem(ply, constraints, chosen)
+        factors = (
+            *(getattr(one, "factor", None) for one in conditions.values()),
+            *(getattr(one, "factor", None) for one in ply.terms),
+        )
+        for factor in factors:
+            if check := getattr(factor, "check_steps", None):
+                check(int(steps))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
+        release = None
+        if any(getattr(one, "until", 1.0) < 1 for one in conditions.values()):
+            from .release import release_of
+
+            release = release_of(ply.basis, conditions, self.load_factors)
+        self.problem = problem = Problem(ply, constraints, chosen, release)
         self.initial_guess = _checked_guess(initial_guess, ply)
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
         problem.moves = moved or bool(contacts)
@@ -365,9 +377,9 @@ class Run:
         self.states, self.continuation = saved.states, saved.progress.continuation
         last = replay.last
         last.tangent = tangent_at(last.problem, last.u, last.parameters)
-        self._start = last.next_start()
         # The checkpoint already includes the time of that tangent.
         problem.clock = last.problem.clock = saved.progress.clock
+        self._start = last.next_start()
         self._began -= saved.progress.elapsed
         log.info("resumed at load factor %g", self.states[-1].load_factor)
         return True
@@ -440,7 +452,7 @@ class Run:
             problem.at(start.load_factor), start.u, start.parameters, start.energies
         )
         try:
-            values = problem.constraints.fixed_values(t)
+            values = problem.at(t).constraints.fixed_values(t)
             # The factors of loads are user functions.
             problem.at(t).load(start.u, start.parameters)
         except ValueError as error:

@@ -24,7 +24,7 @@ from ..mesh.user_input import printable
 from . import active_set
 from .conditions import turned
 from .direction import TINY
-from .problem import EPSILON, HOLD, ROUNDINGS, Evaluation, Problem
+from .problem import EPSILON, HOLD, ROUNDINGS, Evaluation, Problem, tangent_at
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
 #: Names of the checks, cheap ones first.
@@ -221,6 +221,10 @@ class Trial(Equilibrium):
         problem, u, p, tangent = self.problem, self.u, self.parameters, self.tangent
         t = problem.load_factor
         advanced = problem.ply.advanced(p, u, t)
+        if problem.release and problem.release.ends_at(t):
+            before = problem.residual(u, advanced)
+            problem = problem.release.end(problem, before, u)
+            return problem.evaluation(u, advanced, tangent_at(problem, u, advanced))
         if advanced is not p:
             return problem.evaluation(u, advanced, tangent)
         load = problem.load(u, p)
@@ -257,6 +261,7 @@ class Trial(Equilibrium):
             tolerance=self.tolerance,
             parameters=self.parameters,
             warnings=dict(self.warnings),
+            energy_lost=ply.energy_lost(u, problem.load_factor, self.parameters),
         )
 
 

@@ -1,7 +1,11 @@
 """Laws of the command line: by name with their parameters, and from CSV files."""
 
+import numpy as np
 import pytest
 
+from skfem_textile import Bilinear, Linear, TensionOnly, WithFriction
+from skfem_textile.cases import case_from_tables
+from skfem_textile.io import write_fabric
 from tests.helpers.command_line import computed, rejected, run
 
 pytestmark = pytest.mark.usefixtures("no_interval")
@@ -30,6 +34,7 @@ def of_law(tmp_path_factory):
     return of
 
 
+FRICTION = "--set shear.friction.limits_N_per_mm=0.02,0.05 shear.friction"
 LINEAR = "--shear-stiffness 0.5"
 TWICE = SINE.replace("[0.5]", "0.5,0.0")
 
@@ -112,6 +117,86 @@ def test_no_exact_solution_is_given_for_an_angle_beyond_a_pole(tmp_path):
     summary = computed(tmp_path, "bias_extension", few, law)
     assert summary["exact_answer"].startswith("none: for inextensible fibres")
     assert "load_over_exact" not in summary
+
+
+# Friction, programmes and conditions that end
+
+
+def test_a_case_file_has_friction_for_each_law(tmp_path):
+    tables = {
+        "scene": {"name": "picture_frame"},
+        "shear": {
+            "law": "linear",
+            "stiffness_N_per_mm": 0.5,
+            "friction": {"limits_N_per_mm": [0.02, 0.05], "onsets_deg": [1, 8]},
+        },
+        "tension": {
+            "law": "linear",
+            "stiffness_N_per_mm": 1e4,
+            "compression": "none",
+            "friction": {"limits_N_per_mm": [5.0], "onsets": [0.001]},
+            "weft": {"law": "linear", "stiffness_N_per_mm": 2e4},
+        },
+    }
+    fabric = case_from_tables(tables).fabric
+    onsets = np.radians([1.0, 8.0])
+    assert fabric.shear_law == WithFriction(Linear(0.5), [0.02, 0.05], onsets)
+    warp, weft = fabric.tensions.laws
+    assert warp == WithFriction(TensionOnly(Linear(1e4)), [5.0], [0.001])
+    assert weft == Linear(2e4)
+    write_fabric(tmp_path / "fabric.json", fabric)
+    again = {"scene": tables["scene"], "fabric": {"file": "fabric.json"}}
+    assert case_from_tables(again, tmp_path).fabric.laws == fabric.laws
+
+
+def test_a_bending_law_has_friction_in_a_case_file():
+    law = {"law": "bilinear", "stiffness_N_mm": 6.0, "knee_per_mm": 0.01}
+    friction = {"limits_N": [0.02], "onsets_per_mm": [0.002]}
+    law |= {"further_stiffness_N_mm": 2.0, "friction": friction}
+    tables = {"scene": {"name": "cantilever"}, "bending": {"warp_law": law}}
+    warp, _ = case_from_tables(tables).fabric.bending
+    assert warp == WithFriction(Bilinear(6.0, 0.01, 2.0), [0.02], [0.002])
+
+
+def test_a_programme_and_a_release_are_parts_of_equal_steps(tmp_path):
+    options = "--across circle --programme 1 0.5 --release top --no-render"
+    size = "--size 2x2 --steps 2 --set formulation.name=full"
+    friction = f"{FRICTION}.onsets_deg=1,8"
+    summary = computed(tmp_path, "simple_shear", size, options, friction)
+    assert summary["load_steps"] == 6
+    assert summary["inputs"]["stepping"]["programme"] == [1.0, 0.5]
+    assert summary["energy_lost"] == summary["shear_energy_lost"] > 0
+    assert abs(summary["load_N"]) < 1e-6
+    assert 1.0 < summary["max_shear_angle_deg"] < 10.0
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "message"),
+    [
+        (
+            "strip",
+            f"{FRICTION}.onsets_deg=[1]",
+            "shear friction requires a limit and an",
+        ),
+        ("strip", f"{FRICTION}.onsets_deg=1,-8", "shear onset must be a finite number"),
+        ("strip", f"{FRICTION}.onsets=1,8", "shear.friction has no key 'onsets'"),
+        ("hemisphere", "--programme 1 0", "--programme: a programme does not apply"),
+        (
+            "strip",
+            "--release edge",
+            "--release: the scene strip has no condition 'edge'",
+        ),
+        ("simple_shear", "--release top bottom", "--release: no condition remains"),
+        (
+            "bias_extension",
+            f"--tolerance 0.1 {FRICTION}.onsets_deg=1,8",
+            "a tolerance requires laws without friction",
+        ),
+    ],
+)
+def test_contradicting_options_are_refused(scene, options, message, tmp_path, capsys):
+    out = "--out", str(tmp_path / "out"), "--no-render"
+    assert message in rejected(capsys, "run", scene, *out, *options.split())
 
 
 # Bending laws

@@ -83,22 +83,23 @@ def test_a_load_of_round_off_is_not_drawn(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("moved", "label", "shown"),
+    ("moved", "loops", "label", "shown"),
     [
-        ([0.0, -2.0, -3.0], "Displacement (mm)", {"run": 2, "test": 2}),
-        ([0.0, 2.0, 1.0], "State", {"run": 2}),
-        ([0.0, 2.0, 2.0], "State", {"run": 2}),
+        ([0.0, -2.0, -3.0], False, "Displacement (mm)", {"run": 2, "test": 2}),
+        ([0.0, 2.0, 1.0], False, "State", {"run": 2}),
+        ([0.0, 2.0, 2.0], False, "State", {"run": 2}),
+        ([0.0, 2.0, 1.0], True, "Displacement (mm)", {"run": 2, "test": 2}),
     ],
 )
-def test_a_curve_that_folds_back_is_drawn_over_the_states(
-    tmp_path, monkeypatch, moved, label, shown
+def test_a_curve_that_folds_back_is_drawn_over_the_states_unless_it_is_a_loop(
+    tmp_path, monkeypatch, moved, loops, label, shown
 ):
     curves = pytest.importorskip("skfem_textile.plot.curves")
     drawn = []
     monkeypatch.setattr(curves, "curves", lambda *curve: drawn.append(curve))
     run = {DISPLACEMENT: np.array(moved), FORCE: np.array([0.0, 1.0, 3.0])}
     test = {DISPLACEMENT: np.array([0.0, -9.0]), FORCE: np.array([0.0, 2.0])}
-    results.draw_curves(run, test, tmp_path)
+    results.draw_curves(run, test, tmp_path, loops)
     ((panels, xlabel, _, _),) = drawn
     (lines,) = panels.values()
     assert xlabel == label

@@ -16,10 +16,9 @@ from skfem_textile.cases.schema import (
     AnyFormulation,
     BendingLaw,
     ShearLaw,
-    Table,
     TensionLaw,
-    tag_of,
 )
+from skfem_textile.cases.tables import Table, tag_of
 from skfem_textile.cases.tools import AnyTool
 from skfem_textile.cases.write import reference
 from skfem_textile.declarations import words

@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skfem_textile import Bilinear, Fabric, Sin2
+from skfem_textile import Bilinear, Fabric, Linear, Sin2, WithFriction
 from skfem_textile.calibration import (
     BendingCurve,
     BiasExtension,
     CantileverTest,
     Choice,
+    PictureFrame,
     Simulation,
     Specimen,
     Strip,
@@ -24,6 +25,7 @@ from skfem_textile.calibration import (
 from skfem_textile.calibration.selection import Candidate
 from skfem_textile.calibration.solving import PARTS
 from skfem_textile.cli.fit_report import Reported
+from skfem_textile.fabric import along
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "fit-results.md"
 
@@ -87,6 +89,31 @@ def test_the_page_has_the_keys_of_every_law(reported):
     assert sorted(listed) == sorted(keys)
     titles = {report.title_of(part) for part in PARTS}
     assert titles == {*re.findall(r"`([A-Z]\w+(?: \w+)*)`", PAGE.read_text())}
+
+
+def test_the_page_has_the_keys_of_friction():
+    there = np.linspace(0.0, 0.6, 30)
+    path = np.concatenate([there, there[-2::-1]])
+    shear = WithFriction(Sin2(0.3), [0.02], [0.1])
+    frame = PictureFrame(200.0, 160.0)
+    force = frame.arms(path)[0][1] * along(shear, path)[0]
+    moved = frame.displacement(path)
+    tension = WithFriction(Linear(1e3), [0.5], [1e-3])
+    strain = 0.02 * path
+    pull = 50.0 * along(tension, strain)[0] * np.exp(-strain)
+    tests = [
+        Specimen("shear", frame, force, moved, cyclic=True),
+        Strip("warp", "warp", 50.0, 1.0, np.expm1(strain), pull, cyclic=True),
+    ]
+    bending = WithFriction(Linear(6.0), [0.01], [1e-3])
+    curvature = 0.05 * path
+    tests.append(
+        BendingCurve("bend", curvature, along(bending, curvature)[0], cyclic=True)
+    )
+    found = fit_tests(tests, Choice(shear="sin2", tension="linear"))
+    reports = report.reports_of(found).values()
+    keys = {f"friction.{key}" for one in reports for key in written(one["friction"])}
+    assert sorted(described("Friction")) == sorted(keys)
 
 
 def test_the_page_has_the_keys_of_a_prediction(reported):

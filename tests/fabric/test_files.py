@@ -16,6 +16,7 @@ from skfem_textile import (
     Sin2,
     Tabulated,
     TensionOnly,
+    WithFriction,
 )
 from skfem_textile.fabric import CrimpedYarns, Softening, TangentShear, TwoLaws
 from skfem_textile.fabric.files import read_law, write_law
@@ -75,6 +76,7 @@ TENSION = (
     TensionOnly(CrimpToe(1e5, 0.004, 10.0)),
     Asymmetric(Linear(1e5), Linear(10.0)),
     Pretensioned(Linear(1e3), 5.0),
+    WithFriction(Linear(1e3), [1.0], [0.01]),
 )
 BENDING = (Bilinear(100.0, 1 / 3, 20.0),)
 BOTH = (

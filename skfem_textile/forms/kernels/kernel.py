@@ -28,6 +28,7 @@ from numpy import ndarray
 from skfem import CellBasis, ElementVector
 
 from ...fabric import Fabric, Slopes, TwoLaws, is_zero
+from ...fabric.law import with_slip
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
 from ...mesh.pattern import full_matrices
 from ...mesh.user_input import parameter
@@ -67,6 +68,10 @@ class Kernel:
     fabric: Fabric
     basis_type: ClassVar[type[CellBasis]] = CellBasis
 
+    def law_of(self, fabric: Fabric) -> Any:
+        """The law that the kernel evaluates."""
+        return fabric.tensions
+
     @cached_property
     def resists(self) -> ndarray:
         """1 for a family with a tension law, 0 for one without; shape (2, 1, 1)."""
@@ -101,9 +106,23 @@ class KernelState(NamedTuple):
     w: Parameters
 
     @property
-    def sets(self) -> Iterator[tuple[IntegrationPoints, Fabric, FibreDeformation]]:
-        """Points, laws and deformation of each set of points."""
-        return zip(self.group.points, self.group.fabrics, self.fibres, strict=True)
+    def sets(self) -> Iterator[tuple[IntegrationPoints, Any, FibreDeformation]]:
+        """Points, law and deformation of each set of points."""
+        laws: Any = [self.kernel.law_of(fabric) for fabric in self.group.fabrics]
+        if "slip" in self.w:
+            slip = np.asarray(self.w["slip"])[..., self.group.elements, :]
+            numbers = self.group.point_numbers
+            pairs = zip(laws, numbers, strict=True)
+            laws = [with_slip(law, slip[..., i]) for law, i in pairs]
+        return zip(self.group.points, laws, self.fibres, strict=True)
+
+    @property
+    def law_of_means(self) -> Any:
+        """Law of tension of the elements, at whose means it is evaluated."""
+        law = self.group.fabric.tensions
+        if "slip" not in self.w:
+            return law
+        return with_slip(law, np.asarray(self.w["slip"])[..., self.group.elements, :])
 
 
 class TensionKernel(Kernel):
@@ -112,16 +131,16 @@ class TensionKernel(Kernel):
     def energy(self, x: KernelState) -> float:
         """∫ Σ_α ψ(ε_α) dΩ."""
         return sum(
-            float((p.dx * _laws(fabric, "energies", f.strain)).sum())
-            for p, fabric, f in x.sets
+            float((p.dx * _laws(law, "energies", f.strain)).sum())
+            for p, law, f in x.sets
         )
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension and its slope; `stiffnesses` has the slope for ε₁ + ε₂."""
         tensions, stresses = _tension_values(x), []
-        for i, (p, fabric, f) in enumerate(x.sets):
-            T = tensions[i] if tensions else _laws(fabric, "value", f.strain)
-            direct, cross = _slopes(fabric, f.strain)
+        for i, (p, law, f) in enumerate(x.sets):
+            T = tensions[i] if tensions else _laws(law, "value", f.strain)
+            direct, cross = _slopes(law, f.strain)
             slope = direct if cross is None else direct - cross
             stresses.append(Stress(tension=p.dx * T, slope=p.dx * slope))
         return stresses
@@ -132,45 +151,46 @@ class TensionKernel(Kernel):
             return []
         return [
             RankOneStiffness(
-                p.dx * _slopes(fabric, f.strain).cross, partial(_sum_gradients, p, f)
+                p.dx * _slopes(law, f.strain).cross, partial(_sum_gradients, p, f)
             )
-            for p, fabric, f in x.sets
+            for p, law, f in x.sets
         ]
 
     def predicted_tension(self, x: KernelState, after: KernelState) -> list[ndarray]:
         """T(ε) + ∂T/∂ε Δε, shape (2, P, n) each."""
         return [
-            _laws(fabric, "value", f.strain)
-            + _slopes(fabric, f.strain).times(f.change(g))
-            for (_, fabric, f), g in zip(x.sets, after.fibres, strict=True)
+            _laws(law, "value", f.strain) + _slopes(law, f.strain).times(f.change(g))
+            for (_, law, f), g in zip(x.sets, after.fibres, strict=True)
         ]
 
 
 class ShearKernel(Kernel):
     """Kernel of `shear`."""
 
+    def law_of(self, fabric: Fabric) -> Any:
+        """The law of shear."""
+        return fabric.shear_law
+
     def energy(self, x: KernelState) -> float:
         """∫ w(Γ) dΩ."""
         return sum(
-            float((p.dx * _of_shear(fabric, "energy", f)).sum())
-            for p, fabric, f in x.sets
+            float((p.dx * _of_shear(law, "energy", f)).sum()) for p, law, f in x.sets
         )
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Shear moment."""
         return [
-            Stress(moment=p.dx * _of_shear(fabric, "value", f))
-            for p, fabric, f in x.sets
+            Stress(moment=p.dx * _of_shear(law, "value", f)) for p, law, f in x.sets
         ]
 
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """Slope of the shear law, along the gradient of the shear angle."""
         return [
             RankOneStiffness(
-                p.dx * _of_shear(fabric, "tangent", f),
+                p.dx * _of_shear(law, "tangent", f),
                 partial(_angle_gradients, [(p, f)]),
             )
-            for p, fabric, f in x.sets
+            for p, law, f in x.sets
         ]
 
 
@@ -218,7 +238,7 @@ class MeanTensionKernel(Kernel):
     def energy(self, x: KernelState) -> float:
         """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ."""
         stretches, means, E_d = self._state(x)
-        density = _laws(x.group.fabric, "energies", np.log(means))
+        density = _laws(x.law_of_means, "energies", np.log(means))
         return sum(
             float((p.dx * (density + 0.5 * E_d * (stretch - means) ** 2)).sum())
             for p, stretch in zip(x.group.points, stretches, strict=True)
@@ -229,7 +249,7 @@ class MeanTensionKernel(Kernel):
         stretches, means, E_d = self._state(x)
         T = _tension_values(x)
         if not T:
-            N = _laws(x.group.fabric, "value", np.log(means)) / means
+            N = _laws(x.law_of_means, "value", np.log(means)) / means
             T = [stretch * (N + E_d * (stretch - means)) for stretch in stretches]
         return [
             Stress(tension=p.dx * T_p, slope=p.dx * (E_d * stretch**2 + T_p))
@@ -239,8 +259,8 @@ class MeanTensionKernel(Kernel):
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """Remaining slope of the laws, along the gradient of the mean stretch."""
         group, (stretches, means, E_d) = x.group, self._state(x)
-        T = _laws(group.fabric, "value", np.log(means))
-        direct, cross = _slopes(group.fabric, np.log(means))
+        T = _laws(x.law_of_means, "value", np.log(means))
+        direct, cross = _slopes(x.law_of_means, np.log(means))
         slope = (direct - T) / means**2 - E_d
         if cross is not None:
             cross = cross / (means[0] * means[1])
@@ -270,8 +290,8 @@ class MeanTensionKernel(Kernel):
             for stretch, f, g in zip(stretches, x.fibres, after.fibres, strict=True)
         ]
         mean_change = _mean(group, changes)
-        T = _laws(group.fabric, "value", np.log(means))
-        direct, cross = _slopes(group.fabric, np.log(means))
+        T = _laws(x.law_of_means, "value", np.log(means))
+        direct, cross = _slopes(x.law_of_means, np.log(means))
         N = T / means + (direct - T) / means**2 * mean_change
         if cross is not None:
             N += cross * (mean_change / means)[::-1] / means
@@ -353,22 +373,22 @@ def _tension_values(x: KernelState) -> list[ndarray]:
     return [x.kernel.resists * T_p for T_p in at_points]
 
 
-def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:
+def _laws(law: Any, part: str, strain: ndarray) -> ndarray:
     """Energies or values of warp and weft, shape (2, P, n); laws take (2, n, P)."""
-    both = getattr(fabric.tensions, part)(strain.swapaxes(1, 2))
+    both = getattr(law, part)(strain.swapaxes(1, 2))
     return np.array([x.T for x in both])
 
 
-def _slopes(fabric: Fabric, strain: ndarray) -> Slopes:
+def _slopes(law: Any, strain: ndarray) -> Slopes:
     """Slopes of the tensions, arrays of shape (2, P, n) and (P, n)."""
-    direct, cross = fabric.tensions.slopes(strain.swapaxes(1, 2))
+    direct, cross = law.slopes(strain.swapaxes(1, 2))
     return Slopes(np.array([x.T for x in direct]), None if cross is None else cross.T)
 
 
-def _of_shear(fabric: Fabric, part: str, fibres: FibreDeformation) -> ndarray:
+def _of_shear(law: Any, part: str, fibres: FibreDeformation) -> ndarray:
     """Energy, value or tangent of the shear law, shape (P, n); laws take (n, P)."""
     angle = fibres.shear_angle.T
-    return np.broadcast_to(getattr(fabric.shear_law, part)(angle), angle.shape).T
+    return np.broadcast_to(getattr(law, part)(angle), angle.shape).T
 
 
 class SharedGroup(NamedTuple):

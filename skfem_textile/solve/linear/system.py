@@ -1,6 +1,6 @@
 """Linear system on the free unknowns."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -126,3 +126,32 @@ def _expanded(matrix: csr_matrix, rows: ndarray) -> tuple[ndarray, ndarray, ndar
     before = np.cumsum(count) - count
     entry = np.arange(len(index)) + np.repeat(matrix.indptr[rows] - before, count)
     return index, matrix.indices[entry], matrix.data[entry]
+
+
+class Reduced(NamedTuple):
+    """Tangent on the free unknowns, in elimination order.
+
+    Attributes
+    ----------
+    upper
+        Entries at and above the diagonal.
+    coupling
+        Matrix from the fixed to the free unknowns.
+    """
+
+    upper: csr_matrix
+    coupling: csr_matrix
+
+
+def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
+    """Blocks of a tangent reduced to the free unknowns, see `System`."""
+    if turn is not None and system.sums is None:
+        blocks = system.turned(blocks, turn)
+    entries = blocks.ravel()
+    if system.sums is not None:
+        entries = system.sums @ entries
+    upper, coupling = (
+        csr_matrix((entries[slots.data], slots.indices, slots.indptr), slots.shape)
+        for slots in (system.upper, system.coupling)
+    )
+    return Reduced(upper, coupling)
