@@ -156,9 +156,8 @@ def tool_history(result: Result) -> dict[str, ndarray]:
     ``NAME_travel_mm``, see `travels`; ``NAME_rotation_deg``, if the tool turns, the
     angle from its initial position; ``NAME_force_N``, see `tool_forces`;
     ``NAME_nodes_in_contact``, the number of nodes on which the tool presses;
-    ``NAME_max_pressure_N_per_mm2``, the largest `tool_pressure`; with friction
-    ``NAME_dissipated_N_mm``, the work of sliding; and, for a holder with a force,
-    ``NAME_distance_mm``, its distance from the surface.
+    ``NAME_max_pressure_N_per_mm2``, the largest `tool_pressure`; and, for a holder with
+    a force, ``NAME_distance_mm``, its distance from the surface.
 
     Parameters
     ----------
@@ -175,24 +174,21 @@ def tool_history(result: Result) -> dict[str, ndarray]:
     columns: dict[str, ndarray] = {}
     if not tools:
         return {}
-    away, forces = travels(result), tool_forces(result)
+    far, forces = travels(result), tool_forces(result)
     for tool in tools:
         pressure = [tool_pressure(ply, tool, state).max() for state in states]
         touched = [nodes_in_contact(tool, state) for state in states]
         turned = np.degrees([tool.rotation(state.load_factor) for state in states])
         columns |= {
-            f"{tool.name}_travel_mm": away[tool.name],
+            f"{tool.name}_travel_mm": far[tool.name],
             **({f"{tool.name}_rotation_deg": turned} if turned.any() else {}),
             f"{tool.name}_force_N": forces[tool.name],
             f"{tool.name}_nodes_in_contact": np.array(touched),
             f"{tool.name}_max_pressure_N_per_mm2": np.array(pressure),
         }
-        if tool.friction:
-            work = np.array([tool.dissipated(state) for state in states])
-            columns[f"{tool.name}_dissipated_N_mm"] = work
         if "distance" in states[-1].parameters[tool.name]:
-            far = [state.parameters[tool.name]["distance"] for state in states]
-            columns[f"{tool.name}_distance_mm"] = np.array(far)
+            distance = [state.parameters[tool.name]["distance"] for state in states]
+            columns[f"{tool.name}_distance_mm"] = np.array(distance)
     return columns
 
 

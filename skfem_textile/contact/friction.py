@@ -36,8 +36,8 @@ class Friction:
     """Friction of the contact points of a ply on one tool.
 
     All vectors are in the axes of the tool, shape (3, n_nodes).  Of the values of the
-    tool's parameters it has ``bound``, b in N; ``normal``, n; ``place``, X₀ in mm;
-    ``shear``, s in N; ``predicted``, σ in N; and ``dissipated``, the work of sliding in
+    tool's parameters it has ``bound``, b in N; ``normal``, n; ``slips_from``, X₀ in mm;
+    ``shear``, s in N; ``predicted``, σ in N; and ``work``, the work of sliding in
     N·mm.
 
     Parameters
@@ -72,10 +72,10 @@ class Friction:
         return {
             "bound": none[0],
             "normal": none,
-            "place": x,
+            "slips_from": x,
             "shear": none,
             "predicted": none,
-            "dissipated": np.zeros(()),
+            "work": np.zeros(()),
         }
 
     def bound(self, t: float, force: ndarray) -> ndarray:
@@ -111,9 +111,9 @@ class Friction:
         force, x = self._force(u, t, p), self._local(u, t)
         slid = y * np.maximum(1 - self._slip / np.maximum(size, TINY), 0.0)
         if self._exact:
-            slid = self._tangential(x - p["place"], p)
-        work = p["dissipated"] + (force * slid).sum()
-        return Values({**p, "place": x, "shear": force, "dissipated": work})
+            slid = self._tangential(x - p["slips_from"], p)
+        work = p["work"] + (force * slid).sum()
+        return Values({**p, "slips_from": x, "shear": force, "work": work})
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Σ b (h(|y|) − h(|y|) at the last state), in N·mm."""
@@ -143,7 +143,7 @@ class Friction:
 
     def _slipped(self, u: ndarray, t: float, p: Values) -> tuple[ndarray, ndarray]:
         """Y and its magnitude in mm."""
-        moved = self._tangential(self._local(u, t) - p["place"], p)
+        moved = self._tangential(self._local(u, t) - p["slips_from"], p)
         y = self._elastic(p) + moved
         return y, np.linalg.norm(y, axis=0)
 

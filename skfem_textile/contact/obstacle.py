@@ -25,7 +25,6 @@ from ..mesh.user_input import call_user_function, coords, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm, ElementTerm
 from ..solve.on_surface import CheckedSurface, SurfaceError, check_surface
-from ..solve.states import State
 from ..surfaces.surface import Surface
 from .outline import ROUND_OFF, crossing_edges, inside, is_flat
 
@@ -453,13 +452,6 @@ class ToolTerm(ElementTerm):
         """Derivative of the residual with the parameters held fixed."""
         matrices = self.matrices(u, t, p)
         return None if matrices is None else self._points.tangent(matrices)
-
-    def dissipated(self, state: State) -> float:
-        """Work of sliding on the tool up to a state in N·mm; 0 without friction."""
-        if not self.friction:
-            return 0.0
-        at = state.parameters[self.name], state.u, state.load_factor
-        return float(self.friction.advanced(*at)["dissipated"])
 
     def travel(self, t: float) -> ndarray:
         """Translation from the initial position in mm, shape (3,)."""

@@ -25,7 +25,6 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.contact.figures import tool_history
 from skfem_textile.ply.parameters import Values
 
 from ..study import Row
@@ -40,11 +39,9 @@ def grid(length: float, width: float, nx: int, ny: int) -> Any:
     return MeshQuad.init_tensor(x, y).with_defaults()
 
 
-def dissipated(result: Result) -> ndarray:
+def lost(result: Result) -> ndarray:
     """Work of sliding on all tools in N·mm, shape (n_states,)."""
-    columns = tool_history(result)
-    of_tools = [x for name, x in columns.items() if name.endswith("_dissipated_N_mm")]
-    return np.sum(of_tools, axis=0) if of_tools else np.zeros(len(result.states))
+    return np.array([sum(state.energy_lost.values()) for state in result.states])
 
 
 # Radius of the drum, width of the belt, in mm, and the tension of its free end in N/mm.
@@ -87,7 +84,7 @@ class Belt:
             "end": Condition(end, (pulled[0], 0.0, pulled[2])),
         }
         at_rest = ply.parameters_at_rest
-        start = {**at_rest, "drum": Values({**at_rest["drum"], "place": x})}
+        start = {**at_rest, "drum": Values({**at_rest["drum"], "slips_from": x})}
         state = equilibrium_near(
             *(ply, conditions, u), parameters=start, warn_only=("work", *_COARSE)
         )
@@ -171,7 +168,7 @@ class Strip:
         result = stepper.run()
         x = np.array([self._path(state.load_factor) for state in result.states])
         force = np.array([state.reactions["pull"][0] for state in result.states])
-        work = dissipated(result)
+        work = lost(result)
         row: Row = {
             "case": str(self),
             "force": float(np.abs(force).max()),
@@ -332,7 +329,7 @@ class Hemisphere:
         force = np.array([one.reactions["punch"][2] for one in result.states])
         travel = np.array([75.0 * one.load_factor for one in result.states])
         work, energy = float(np.trapezoid(force, travel)), _stored(result)
-        slid = float(dissipated(result)[-1])
+        slid = float(lost(result)[-1])
         return [
             {
                 "case": str(self),
