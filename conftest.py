@@ -37,7 +37,7 @@ PAGES = (
 
 # Tests of the marker ``core``: claims that define the library, by module.
 CORE = {
-    "tests/ply/test_kernels.py": "kernels_and_the_ply_equal_the_forms",
+    "tests/forms/test_kernels.py": "kernels_and_the_ply_equal_the_forms",
     "tests/forms/test_everywhere.py": "forms_equal_a_ply_and_are_zero_for_other_fields",
     "tests/forms/test_forms.py": "residual_and_tangent_are_derivatives",
     "tests/ply/test_derivatives.py": (

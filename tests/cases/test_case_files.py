@@ -27,6 +27,7 @@ from skfem_textile.cases import (
     case_from_tables,
     declared,
 )
+from skfem_textile.cases.read import read_tables
 from skfem_textile.cases.schema import Bending
 from skfem_textile.cases.write import case_text
 from skfem_textile.cli import main as cli
@@ -371,3 +372,12 @@ def test_a_law_in_compression_requires_a_fabric_of_a_file():
     tables = {"scene": {"name": "strip"}, "fabric": {"compression": "none"}}
     with pytest.raises(CaseFileError, match="requires fabric"):
         case_from_tables(tables)
+
+
+def test_a_case_file_contains_at_most_a_million_bytes(tmp_path):
+    file, head = tmp_path / "case.toml", b'[scene]\nname = "strip"\n#'
+    file.write_bytes(head.ljust(1_000_000, b"-"))
+    assert read_tables(file) == {"scene": {"name": "strip"}}
+    file.write_bytes(head.ljust(1_000_001, b"-"))
+    with pytest.raises(CaseFileError, match="at most 1000000 bytes"):
+        read_tables(file)

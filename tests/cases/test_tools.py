@@ -11,7 +11,7 @@ from skfem_textile.cases import case_from_file, case_from_tables, declared
 from skfem_textile.cases.tools import between_rows
 from skfem_textile.cases.write import case_text, reference
 from skfem_textile.contact import Holder, contacts
-from skfem_textile.drape import Die
+from skfem_textile.drape import Axes, Die
 from tests.helpers import graph
 from tests.helpers.curves import write_columns
 
@@ -189,6 +189,18 @@ def test_tools_apply_to_any_scene_in_space():
     assert "tip_error_over_length" not in figures
     assert {"table_gap_mm", "table_force_N"} & figures.keys()
     assert figures["exact_answer"] == "none: tools act on the ply"
+
+
+def test_positions_in_a_file_are_in_the_axes_of_the_tools():
+    """The ply is computed in parallel axes with another origin."""
+    stated = {**HOLDER, "motion_deg": 90.0, "motion_point_mm": [50.0, 30.0, 0.0]}
+    (given,) = declared(tables(stated)).tools
+    tool = given.build("holder", Axes(np.array([5.0, 2.0, 1.0])))
+    corners = np.transpose(HOLDER["outline_mm"])
+    assert tool.outline == pytest.approx(corners - [[5], [2]])
+    assert tool.surface.level(np.array([[0.0], [0.0], [-0.8]])) == pytest.approx(0.0)
+    turn, move = tool.motion(1.0)
+    assert turn @ [45.0, 38.0, 0.0] + move == pytest.approx([35.0, 28.0, 0.0])
 
 
 @pytest.mark.parametrize("hole", [0, 45])

@@ -24,8 +24,8 @@ from skfem_textile.scenes import (
     double_dome_forming,
     hemisphere_forming,
 )
-from tests.contact.conftest import MIRRORS
 from tests.helpers import graph
+from tests.helpers.forming import MIRRORS
 
 SIDE = np.linspace(-60.0, 60.0, 9)
 MESH = MeshQuad.init_tensor(SIDE, SIDE).with_defaults()

@@ -17,7 +17,7 @@ from skfem_textile.contact.figures import formed
 from skfem_textile.contact.outline import inside, nearest
 from skfem_textile.drape import Axes
 from skfem_textile.io import write_fields
-from tests.contact.conftest import GAP, RADIUS
+from tests.helpers.forming import GAP, RADIUS
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.interval import work_of
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem, Tangent
-from tests.contact.conftest import over_punch
+from tests.helpers.forming import over_punch
 
 EDGES = {name: Condition(name) for name in ("left", "right", "top", "bottom")}
 

@@ -29,13 +29,13 @@ from tests.cases.test_tools import (
     graph_file,
     tables,
 )
-from tests.contact import conftest
-from tests.contact.conftest import GAP, SYMMETRY, bowl
-from tests.contact.test_scenes import SMALL, case, run
 from tests.contact.test_tools import punch, ring
+from tests.helpers import forming as formed
 from tests.helpers import graph
+from tests.helpers.forming import GAP, SYMMETRY, bowl
+from tests.scenes.test_forming import SMALL, case, run
 
-blank = partial(conftest.blank, 2, bending=0.0)
+blank = partial(formed.blank, 2, bending=0.0)
 
 
 def refused(call, message, kind=ValueError):

@@ -28,8 +28,8 @@ from skfem_textile.contact.figures import formed as figures_of
 from skfem_textile.solve.continuation import initial_guess
 from skfem_textile.solve.on_surface import SurfaceError
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
-from tests.contact.conftest import GAP, SIDE, SYMMETRY, blank
 from tests.helpers import graph
+from tests.helpers.forming import GAP, SIDE, SYMMETRY, blank
 from tests.helpers.tools import problem_of
 
 RADIUS, TRAVEL = 40.0, 15.0

@@ -140,3 +140,48 @@ def test_a_name_has_one_value_or_several():
     assert words.setting("mesh.seed=02") == ("mesh.seed", 2)
     with pytest.raises(ArgumentTypeError, match="NAME=VALUE"):
         words.pair("top")
+
+
+@pytest.mark.parametrize(
+    ("kind", "accepted", "refused"),
+    [
+        (words.acute_degrees, ("2e-12", "89.999"), ("0", "90", "90.000000000001")),
+        (words.length, ("2e-12", "9e11"), ("0", "2e12", "-1")),
+        (words.degrees, ("36000", "-36000"), ("36001", "-36001")),
+    ],
+)
+def test_numbers_outside_their_range_are_refused(kind, accepted, refused):
+    assert [kind(word) for word in accepted] == [float(word) for word in accepted]
+    for word in refused:
+        with pytest.raises(ArgumentTypeError, match="expected"):
+            kind(word)
+
+
+def test_simple_shear_is_under_a_small_tension_and_its_help_says_so():
+    from skfem_textile.declarations.scenes import SHEAR_TENSION
+
+    entries = [x for x in reference() if x.table == "[scene]" or "scene" in x.table]
+    texts = " ".join(str(entry) for entry in entries)
+    assert SHEAR_TENSION == 0.1
+    assert "tension across the clamp (default with tension: 0.1)" in texts
+
+
+def test_a_scene_with_inclined_fibres_has_one_inclination_for_each_family():
+    for table in SCENES.values():
+        names = {field.name for field in fields(table.declaration)}
+        texts = {field.name: str(field.metadata) for field in fields(table.declaration)}
+        assert ("warp" in names) == ("weft" in names)
+        for name in names & {"warp", "weft"}:
+            assert f"inclination of the {name}" in texts[name]
+
+
+@pytest.mark.parametrize(
+    ("n", "accepted"), [(1, False), (2, True), (8, True), (9, False)]
+)
+def test_a_setting_has_two_to_eight_keys(n, accepted):
+    word = f"{'.'.join('abcdefghi'[:n])}=5"
+    if accepted:
+        assert words.setting(word)[1] == 5
+        return
+    with pytest.raises(ArgumentTypeError, match="expected KEY=VALUE"):
+        words.setting(word)

@@ -4,11 +4,8 @@ import io
 from threading import Event, Thread, active_count
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
-from skfem import MeshQuad
 
-from skfem_textile import Condition, Fabric, LoadStepper, Ply
 from skfem_textile.cli.main import main
 from skfem_textile.mesh import progress
 from skfem_textile.mesh.progress import SWITCH, shown
@@ -156,29 +153,6 @@ def test_worker_threads_show_nothing(terminal):
         worker.start()
         worker.join()
     assert seen == [1]
-
-
-def test_a_run_shows_load_factor_travel_iteration_unknowns_and_what_is_left():
-    ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(1e4, 0.5))
-    pull = Condition("top", 0.02, (0, 1))
-    lines = []
-    stepper = LoadStepper(
-        ply,
-        {"clamp": Condition("bottom"), "pull": pull},
-        4,
-        on_iteration=lambda _: lines.append(stepper._run.progress()),
-    )
-    unknowns = f"{ply.basis.N} unknowns"
-    assert stepper._run.progress() == f"analysing {unknowns}"
-    stepper.run()
-    assert lines[0] == (
-        f"load factor 0 (0 mm), iteration 1 to 0.25, 4 steps left, {unknowns}"
-    )
-    start, end = lines[-1].split(" to 1, 0:00:0")
-    u = np.linalg.norm(stepper.states[-2].displacements["pull"])
-    assert start.startswith(f"load factor 0.75 ({u:.4g} mm), iteration ")
-    assert end.endswith(f" left, {unknowns}")
-    assert "iteration" not in stepper._run.progress()
 
 
 def test_standard_output_of_the_command_line_contains_no_progress(

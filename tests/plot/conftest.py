@@ -7,14 +7,14 @@ from functools import cache
 
 import pytest
 
-from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
-from skfem_textile.scenes import Case, hemisphere, strip
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, scenes
+from tests.helpers.forming import hemisphere, stopped  # noqa: F401
 
 
 @cache
 def of_strip():
     """Two results to be drawn, not to be changed."""
-    scene = strip(size=(3, 4))
+    scene = scenes.strip(size=(3, 4))
     return [
         LoadStepper(Ply(scene.mesh, Fabric(1e4), f), scene.conditions, steps=4).run()
         for f in (Full(), OnePoint(10.0))
@@ -39,9 +39,9 @@ def own(result):
 @pytest.fixture(scope="session")
 def draped():
     """A ply on a hemisphere."""
-    scene = hemisphere(size=(4, 4))
+    scene = scenes.hemisphere(size=(4, 4))
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    return Case(scene=scene, fabric=fabric, steps=1).run()
+    return scenes.Case(scene=scene, fabric=fabric, steps=1).run()
 
 
 @pytest.fixture

@@ -1,7 +1,4 @@
-"""Loads: resultants, equilibrium, limit points and rejected arguments."""
-
-import re
-from functools import cache
+"""Loads: resultants, equilibrium and rejected arguments."""
 
 import numpy as np
 import pytest
@@ -26,18 +23,13 @@ from skfem_textile import (
     Full,
     LoadStepper,
     Macro,
-    Newton,
     OnePoint,
     Ply,
     Pressure,
     Quadratic,
-    Sin2,
     Traction,
 )
 from tests.helpers import distorted
-from tests.helpers.random_plies import Crimped
-
-# Loads: resultants, equilibrium and limit points
 
 
 def test_a_load_acts_on_elements_that_are_small_relative_to_the_mesh():
@@ -135,117 +127,6 @@ def test_the_work_of_a_load_equals_the_stored_energy():
         assert state.reactions["clamp"][1] == pytest.approx(expected, abs=1e-9)
     row = result.history()[-1]
     assert row["work"] == pytest.approx(row["energy"], rel=1e-3)
-
-
-@pytest.mark.parametrize("steps", [1, pytest.param(7, marks=pytest.mark.slow)])
-def test_a_load_is_limited_by_the_peak_of_the_tension(steps):
-    """A law with a peak of T/λ: exact, on one element."""
-
-    class Softening:
-        def energy(self, x):
-            return 1e3 * 0.1 * (0.1 - (0.1 + x) * np.exp(-x / 0.1))
-
-        def value(self, x):
-            return 1e3 * x * np.exp(-x / 0.1)
-
-        def tangent(self, x):
-            return 1e3 * (1 - x / 0.1) * np.exp(-x / 0.1)
-
-    peak = 1 / (1 / 0.1 + 1)
-    limit = 1e3 * peak * np.exp(-1.0)
-    ply = Ply(MeshQuad().with_defaults(), Fabric(Softening(), 1.0), Full())
-    ply = ply.with_terms(Force("right", (3 * limit, 0.0)))
-    rollers = {
-        "held": Condition("left", 0.0, direction=(1, 0)),
-        "below": Condition("bottom", 0.0, direction=(0, 1)),
-        "above": Condition("top", 0.0, direction=(0, 1)),
-    }
-    stepper = LoadStepper(ply, rollers, steps)
-    with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
-        stepper.run()
-    largest = 3 * stopped.value.result.states[-1].load_factor
-    assert 0.99 < largest <= 1.0
-
-
-def coarse(fabric, formulation, loads=(), halvings=2):
-    """A square ply with sides of 10 mm."""
-    mesh = MeshQuad().refined(halvings).scaled(10.0).with_defaults()
-    return Ply(mesh, fabric, formulation, loads)
-
-
-#: A square sheared by a force along its top: the largest force for the sin² law.
-SIDEWAYS = np.array([1.0, -1.0]) / np.sqrt(2)
-
-
-def sheared_by(total, factor):
-    fabric, load = Fabric(1e3, Sin2(0.5)), Force("top", total * SIDEWAYS, factor)
-    return coarse(fabric, Full(), [load], halvings=1)
-
-
-@cache
-def ramped_limit():
-    """The load factor at which a ramped load of 3.75 N passes its limit."""
-    ramped = sheared_by(3.75, lambda t: t)
-    with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
-        LoadStepper(ramped, CLAMP, 2).run()
-    return stopped.value.result.states[-1].load_factor
-
-
-@pytest.mark.parametrize(
-    "factor",
-    [
-        pytest.param(
-            lambda t: 1 - abs(2 * t - 1),
-            marks=pytest.mark.dear("finds the limit twice, to a percent"),
-        ),
-        *(
-            pytest.param(factor, marks=pytest.mark.slow)
-            for factor in (lambda t: 4 * t * (1 - t), lambda t: t**8)
-        ),
-    ],
-    ids=["there and back", "parabola", "late"],
-)
-@pytest.mark.parametrize("steps", [4, pytest.param(10, marks=pytest.mark.slow)])
-def test_a_limit_point_is_reported_for_any_later_load(factor, steps):
-    """To a percent of the load; no step passes it to the state on its other side."""
-    ply = sheared_by(3.75, factor)
-    with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
-        LoadStepper(ply, CLAMP, steps).run()
-    low, high = map(
-        float, re.findall(r"factors (\S+) and (\S+): ", str(stopped.value))[0]
-    )
-    assert factor(low) == pytest.approx(ramped_limit(), rel=0.01)
-    assert factor(high) == pytest.approx(factor(low), rel=0.01)
-
-
-@pytest.mark.parametrize("halvings", [1, pytest.param(6, marks=pytest.mark.slow)])
-def test_a_limit_point_close_to_the_end_of_a_step_is_reported(halvings):
-    ply = sheared_by(1.01 * 3.75 * ramped_limit(), lambda t: t)
-    with pytest.raises(RuntimeError, match="the load exceeds a limit"):
-        LoadStepper(ply, CLAMP, 2, max_halvings=halvings).run()
-
-
-@pytest.mark.parametrize("formulation", [Full(), OnePoint()], ids=repr)
-def test_a_constant_load_is_not_a_limit_point(formulation):
-    """Its work without motion is round-off."""
-    ply = coarse(Fabric(1e3, 1.0), formulation)
-    held = Force("top", (1.0, 2.0), factor=lambda t: min(1.0, 2 * t))
-    assert LoadStepper(ply.with_terms(held), CLAMP, 2).run().converged
-    on_clamp = BodyForce((0.01, -0.02), factor=1.0), Traction("bottom", (0.0, 1.0))
-    assert LoadStepper(ply.with_terms(*on_clamp), CLAMP, 2).run().converged
-
-
-def test_a_load_beyond_the_limit_at_rest_is_rejected():
-    with pytest.raises(RuntimeError, match="loads that grow with the load factor"):
-        LoadStepper(sheared_by(3.75, 1.0), CLAMP, 2, method=Newton(most=2)).run()
-
-
-def test_a_ply_without_stiffness_at_rest_supports_a_load():
-    ply = coarse(Fabric(1e3, Crimped(1e3)), Full(), [Force("top", (50.0, 0.0))])
-    result = LoadStepper(ply, CLAMP, 2).run()
-    assert result.converged
-    forces = result.states[-1].reactions["clamp"]
-    np.testing.assert_allclose(forces, [-50.0, 0.0], atol=1e-9)
 
 
 def test_a_boundary_without_edges_has_no_load_and_every_edge_counts_once():
@@ -353,3 +234,25 @@ def test_edges_on_planes_of_symmetry_move_along_them():
         result = LoadStepper(ply, conditions, 2, solver="superlu").run()
         heights.append(ply.nodal(result.u)[2].max())
     assert heights[1] == pytest.approx(heights[0], rel=1e-8)
+
+
+def test_a_force_on_nodes_is_shared_equally():
+    mesh = MeshQuad().refined(1).with_defaults()
+    force = Force(lambda x: x[1] == 1, (3.0, 6.0))
+    ply = Ply(mesh, Fabric(1e3), Full(), terms=[force])
+    force = ply.nodal(ply.load(ply.basis.zeros(), 1.0))
+    top = ply.nodes[1] == 1
+    np.testing.assert_allclose(force[:, top].T, [[1.0, 2.0]] * 3)
+    assert not force[:, ~top].any()
+
+
+def test_the_twist_of_both_families_has_an_energy():
+    """z = c x y has the twist c, and no curvature along the fibres."""
+    mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
+    ply = Ply(mesh, Fabric(1e3, bending=(5.0, 7.0), twist=3.0), Full(), dimension=3)
+    u = ply.basis.zeros()
+    x, y = ply.nodes[:2]
+    u.reshape(-1, 3)[:, 2] = 0.01 * x * y
+    (term,) = (term for term in ply.terms if term.name == "bending")
+    energy = term.energy(u, 1.0, {})
+    assert energy == pytest.approx(0.5 * 3.0 * 0.01**2 * 100)

@@ -363,3 +363,26 @@ def test_loads_drive_a_ply_if_their_work_is_half_of_its_energy(share, drives):
     u, problem = np.full(ply.basis.N, 0.01), problem_of(ply, conditions).at(1.0)
     energies = {"tension": share * float(ply.load(u, 1.0) @ u)}
     assert loads_drive(problem, u, ply.parameters_at_rest, energies) == drives
+
+
+def test_a_run_shows_load_factor_travel_iteration_unknowns_and_what_is_left():
+    ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(1e4, 0.5))
+    pull = Condition("top", 0.02, (0, 1))
+    lines = []
+    stepper = LoadStepper(
+        ply,
+        {"clamp": Condition("bottom"), "pull": pull},
+        4,
+        on_iteration=lambda _: lines.append(stepper._run.progress()),
+    )
+    unknowns = f"{ply.basis.N} unknowns"
+    assert stepper._run.progress() == f"analysing {unknowns}"
+    stepper.run()
+    assert lines[0] == (
+        f"load factor 0 (0 mm), iteration 1 to 0.25, 4 steps left, {unknowns}"
+    )
+    start, end = lines[-1].split(" to 1, 0:00:0")
+    u = np.linalg.norm(stepper.states[-2].displacements["pull"])
+    assert start.startswith(f"load factor 0.75 ({u:.4g} mm), iteration ")
+    assert end.endswith(f" left, {unknowns}")
+    assert "iteration" not in stepper._run.progress()

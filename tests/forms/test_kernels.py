@@ -35,6 +35,7 @@ from tests.helpers import (
     TRIANGLE_AND_QUAD,
     Coupled,
     defined,
+    derivative,
     distorted,
     distorted_for,
     form_parameters,
@@ -252,3 +253,28 @@ def test_only_element_matrices_with_a_negative_eigenvalue_are_projected():
     found = np.linalg.eigvalsh(projected)
     np.testing.assert_allclose(found, np.maximum(values, 0.0), atol=1e-12)
     np.testing.assert_allclose(projected[0], full[..., 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["even", "coupled"])
+@pytest.mark.parametrize("formulation", [Full(), Macro(), Quadratic(20.0)], ids=repr)
+def test_predicted_tensions_are_the_first_order_of_those_that_act(formulation, name):
+    """At finite increments, of mean stretches, the force T/λ is the linear one."""
+    fabric = replace(FABRICS[name], warp=(1.0, 0.0), weft=(0.0, 1.0))
+    ply = Ply(distorted_for(formulation, 1), fabric, formulation)
+    u, du, n = random_u(ply, 1), random_u(ply, 2), ply.basis.zeros()
+    means = not isinstance(formulation, Full)
+
+    def predicted(x):
+        T = ply.geometric_tension(u, x)
+        gradient = np.asarray(ply._tension.basis.interpolate(u + x).grad)
+        stretch = [np.hypot(1 + gradient[0, 0], gradient[1, 0])]
+        stretch += [np.hypot(gradient[0, 1], 1 + gradient[1, 1])]
+        return T / np.array(stretch) if means else T
+
+    curvature = predicted(3 * du) - 3 * predicted(du) + 2 * predicted(n)
+    assert np.abs(curvature).max() < 1e-9 * np.abs(predicted(du)).max()
+    slopes = (
+        derivative(lambda x: ply.geometric_tension(u, x), n, du),
+        derivative(lambda x: ply.geometric_tension(u + x, n), n, du),
+    )
+    assert slopes[0] == pytest.approx(slopes[1], rel=1e-5, abs=1e-4)

@@ -19,6 +19,7 @@ from skfem_textile import (
     Traction,
 )
 from skfem_textile.fabric.kinematics import rotated
+from skfem_textile.forms.bending import edges_with_fibres, end_edges
 from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
@@ -367,3 +368,28 @@ def test_a_ply_fixed_all_round_buckles_out_of_its_plane():
     exact = -2 * 1000.0 * (np.pi / SIDE) ** 2
     computed = critical_tension(16, 1000.0, conditions, exact)
     assert computed == pytest.approx(exact, rel=1e-2)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 2.0])
+def test_edges_have_outward_normals_and_the_fibres_that_end_there(angle):
+    turn = Rotation.from_euler("z", angle).as_matrix()[:2, :2]
+    mesh = MeshQuad.init_tensor(np.arange(3.0), np.arange(4.0))
+    middle = mesh.p.mean(axis=1)
+    mesh = MeshQuad(turn @ mesh.p, mesh.t)
+    A = np.tile(turn @ [[1.0], [0.0]], mesh.nelements)
+    edges = edges_with_fibres(mesh, A, mesh.boundary_facets())
+    ends = mesh.p[:, mesh.facets[:, edges.facets]]
+    assert edges.length == pytest.approx(1.0)
+    along = ends[:, 1] - ends[:, 0]
+    assert (edges.N * along).sum(axis=0) == pytest.approx(0.0, abs=1e-12)
+    out = ends.mean(axis=1) - (turn @ middle)[:, None]
+    assert ((edges.N * out).sum(axis=0) > 0.9).all()
+    assert end_edges(mesh, A, edges.facets).facets.size == 2 * 3
+
+
+@pytest.mark.parametrize(("angle", "crossing"), [(3e-7, 6), (3e-6, 10)])
+def test_fibres_along_an_edge_do_not_end_there(angle, crossing):
+    """Up to round-off; at a larger angle they do."""
+    mesh = MeshQuad.init_tensor(np.arange(3.0), np.arange(4.0))
+    A = np.tile([[np.cos(angle)], [np.sin(angle)]], mesh.nelements)
+    assert end_edges(mesh, A, mesh.boundary_facets()).facets.size == crossing

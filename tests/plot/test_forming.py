@@ -15,7 +15,7 @@ from skfem_textile.contact import (
     travels,
 )
 from skfem_textile.drape import Axes
-from tests.contact.conftest import GAP, RADIUS, SIDE
+from tests.helpers.forming import GAP, RADIUS, SIDE
 
 plot = pytest.importorskip("skfem_textile.plot")
 pytest.importorskip("pyvista")
