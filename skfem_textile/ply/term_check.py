@@ -96,8 +96,8 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
     """Reject terms with wrong shapes, non-finite values or inconsistencies.
 
     Terms whose parameters advance with the steps may be given by rates, without an
-    energy: their energy, residual and tangent are not compared.  Nor are those of tools
-    with friction, which has kinks.  The message names the
+    energy: their energy, residual and tangent are not compared.  Tools with friction,
+    which has kinks, are not compared either.  The message names the
     term, the method and the defect; ``size`` is the element size in mm.
     """
     p = _at_rest(term)

@@ -60,7 +60,7 @@ class Belt:
         return f"belt, μ {self.friction:g}, {self.wrap}°, {self.elements} elements"
 
     def rows(self) -> list[Row]:
-        """Tension over that of the polygon with the same corners."""
+        """Tension over the exact tension of a polygon with the same corners."""
         mu, wrap = self.friction, np.radians(self.wrap)
         mesh = grid(_DRUM * wrap, _BELT, self.elements, 1)
         drum = Tool(
@@ -104,7 +104,7 @@ class Belt:
 
 
 def _of_polygon(x: ndarray, mu: float) -> float:
-    """Tension of the last side over that of the first, at nodes x on the drum.
+    """Ratio of the tensions of the last and first side, with nodes x on the drum.
 
     At a corner the friction is along the drum and the contact force across it.
     """
