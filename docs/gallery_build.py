@@ -32,6 +32,7 @@ _SCRIPTS = {
         "crimped_fibres",
         "measured_fabric",
         "calibration",
+        "scatter",
         "fabric_fields",
         "two_fabrics",
     ),

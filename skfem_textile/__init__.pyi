@@ -17,6 +17,7 @@ from .fabric import (
     Tabulated as Tabulated,
     TensionOnly as TensionOnly,
     WithFriction as WithFriction,
+    Yarns as Yarns,
 )
 from .fabric.files import read_law as read_law, write_law as write_law
 from .contact import Holder as Holder, Tool as Tool
@@ -63,6 +64,7 @@ from .ply.parameters import (
     TermParameters as TermParameters,
     Values as Values,
 )
+from .ply.slip import slip_index as slip_index
 from .ply.terms import (
     FormTerm as FormTerm,
     Load as Load,

@@ -112,7 +112,8 @@ def sweep(
     cases
         The cases; their number is unlimited.
     executor
-        `WorkerProcesses`, the executor of a dask client, or any other executor.
+        `WorkerProcesses`, `ThisThread`, the executor of a dask client, or any other
+        executor.
     out
         File to which every result is appended at once, as a line of JSON with its
         checksum.  Cases in the file are skipped, so that an interrupted sweep resumes.
@@ -405,6 +406,21 @@ def _name_messages() -> None:
 
     named.names_cases = True  # type: ignore[attr-defined]
     logging.setLogRecordFactory(named)
+
+
+class ThisThread(Executor):
+    """Executor that calls functions at once, in the thread of the caller."""
+
+    def submit(
+        self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any
+    ) -> Future[Any]:
+        """Call a function; returns a completed future."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
 
 
 class WorkerProcesses(ThreadPoolExecutor):

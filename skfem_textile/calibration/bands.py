@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 from scipy import special
 
+from ..fabric.scatter import FEWEST
 from .models import Model
 from .solving import Sample, jacobian_of, rows_of
 
@@ -20,9 +21,6 @@ DIFFER = 0.01
 # Threshold of the correlation of neighbouring residuals, times √n: exceeded by chance
 # in one of a thousand curves.
 _BELIEVED = 3.1
-
-# Smallest number of specimens whose scatter is estimated.
-_FEWEST_OF_A_SCATTER = 3
 
 
 class Component(NamedTuple):
@@ -66,6 +64,8 @@ class Fit:
     singles
         Parameters fitted to each curve alone, where identifiable, shape (curves, p);
         None for fewer than two curves, or without comparison.
+    alone
+        Names of the curves of ``singles``.
     differ
         Probability that curves of one law differ by this much; nan without ``singles``.
     alternatives
@@ -84,6 +84,7 @@ class Fit:
     at_bound: ndarray
     components: tuple[Component, ...]
     singles: ndarray | None = None
+    alone: tuple[str, ...] = ()
     differ: float = np.nan
     alternatives: tuple[tuple[float, "Fit"], ...] = ()
 
@@ -160,7 +161,7 @@ class Fit:
         value
             Function of a law that returns n numbers.
         """
-        if self.singles is None or (m := len(self.singles)) < _FEWEST_OF_A_SCATTER:
+        if self.singles is None or (m := len(self.singles)) < FEWEST:
             return None
         each = np.array([value(self.model.build(one)) for one in self.singles])
         quantile = special.stdtrit(m - 1, 0.5 + 0.5 * CONFIDENCE)

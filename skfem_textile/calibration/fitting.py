@@ -12,6 +12,7 @@ from numpy import ndarray
 
 from ..fabric import Fabric
 from ..fabric.law import domain_of
+from ..fabric.origin import Origin, SpecimenLaw, with_laws
 from ..scenes.shear_test import BiasExtension, ShearTest
 from . import residuals
 from .bands import Fit
@@ -46,7 +47,7 @@ from .selection import (
     with_best,
     without,
 )
-from .simulation import SimulatedTest, Simulation, simulated, tension_of
+from .simulation import SimulatedTest, Simulation, simulated
 from .solving import Laws
 from .specimens import Specimen, Zeros
 from .tensile import BiaxialCurve, Strip
@@ -99,11 +100,30 @@ class FabricFit:
 
     def fabric(self, base: Fabric, laws: Laws | None = None) -> Fabric:
         """A fabric whose laws are replaced by the fitted ones, or by laws by part."""
-        laws, (warp, weft) = self.laws if laws is None else laws, base.bending
-        tension = tension_of(laws, base)
-        bending = laws.get("bending warp", warp), laws.get("bending weft", weft)
-        shear = laws.get("shear", base.shear)
-        return replace(base, tension=tension, shear=shear, bending=bending)
+        return with_laws(base, self.laws if laws is None else laws)
+
+    def origin(self) -> Origin:
+        """Ranges of the data, and the laws of single specimens."""
+        specimens = {
+            part: tuple(
+                SpecimenLaw(name, fit.model.build(values))
+                for name, values in zip(fit.alone, fit.singles, strict=True)
+            )
+            for part, fit in self.parts.items()
+            if fit.singles is not None
+        }
+        ranges = {
+            part: largest_argument(self.tests, part, self.choice.up_to)
+            for part in self.parts
+            if part in ("shear", *FAMILIES)
+        }
+        counted = {part: len(fit.samples) for part, fit in self.parts.items()}
+        sources = {
+            part: f"law {self.parts[part].model.name}, fitted to {n} specimen"
+            + "s" * (n > 1)
+            for part, n in counted.items()
+        }
+        return Origin(sources=sources, ranges=ranges, specimens=specimens)
 
     @cached_property
     def specimens(self) -> tuple[Specimen, ...]:

@@ -286,12 +286,13 @@ def _freedom(solved: _Solved, weights: ndarray) -> ndarray:
 class _Compared:
     """Solved fit whose curves of each part were fitted alone.
 
-    ``singles`` are the parameters of each of them, and ``differ`` the probability of
-    their difference.
+    ``singles`` are the parameters of each of them, ``alone`` their names, and
+    ``differ`` the probability of their difference.
     """
 
     solved: _Solved
     singles: dict[str, ndarray]
+    alone: dict[str, tuple[str, ...]]
     differ: dict[str, float]
 
     @property
@@ -324,6 +325,7 @@ class _Compared:
                 for one in self._components
             ),
             singles=None if part is None else self.singles.get(part),
+            alone=() if part is None else self.alone.get(part, ()),
             differ=np.nan if part is None else self.differ.get(part, np.nan),
         )
 
@@ -361,7 +363,7 @@ class _Compared:
 
 def _compared(solved: _Solved) -> _Compared:
     """Fit with tests for differences between the curves of each part."""
-    singles, differ = {}, {}
+    singles, names, differ = {}, {}, {}
     for name, block in solved.unknowns.blocks.items():
         own = [i for i, one in enumerate(solved.samples) if one.part == name]
         if len(own) < 2 or name == "both":
@@ -388,8 +390,9 @@ def _compared(solved: _Solved) -> _Compared:
         F = (of_all - of_each) / further / (of_each / rest) if of_each else 0.0
         number = block.stop - block.start
         singles[name] = np.array([one.x[:number] for one in alone.values()])
+        names[name] = tuple(solved.samples[i].name for i in alone)
         differ[name] = float(special.fdtrc(further, rest, F))
-    return _Compared(solved, singles, differ)
+    return _Compared(solved, singles, names, differ)
 
 
 def _alone(joint: _Solved, i: int) -> _Solved:

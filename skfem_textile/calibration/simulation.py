@@ -18,6 +18,7 @@ import scipy  # whose modules are imported on first use
 from numpy import ndarray
 
 from ..fabric import Fabric, Law, Tabulated
+from ..fabric.origin import tension_of
 from ..ply import Ply
 from ..scenes.bias_extension import bias_extension, lost_to_stretch
 from ..scenes.rectangle import rectangle
@@ -33,13 +34,6 @@ FIBRES = 1e5
 
 # Distortion of the irregular meshes, relative to an element.
 _JITTER = 0.25
-
-
-def tension_of(laws: Laws, base: Fabric) -> Any:
-    """Tension of a fabric with laws by part, and of a base for missing ones."""
-    if {"warp", "weft"} & set(laws):
-        return tuple(laws.get(one.name, one.tension) for one in base.families)
-    return laws.get("both", base.tension)
 
 
 class Simulated(NamedTuple):

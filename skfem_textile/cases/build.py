@@ -4,11 +4,10 @@ import filecmp
 import logging
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec import Struct
@@ -21,7 +20,7 @@ from ..declarations.scenes import (
     Specimen,
     WithTools,
 )
-from ..fabric import BiaxialLaw, Fabric, TwoLaws
+from ..fabric import Fabric
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
 from ..mesh.extents import warn_of_outline
@@ -33,6 +32,7 @@ from ..ply.loads import BodyForce, Force
 from ..ply.terms import Factor, Load, proportional
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
+from .fabrics import errors_in, fabric_of_file
 from .read import (
     CaseFile,
     CaseFileError,
@@ -46,16 +46,12 @@ from .scenes import Scene as SceneTable
 from .schema import (
     MESH_KINDS,
     Bending,
-    FabricOfFile,
     Loads,
     Mesh,
     Shear,
-    ShearLaw,
     Tension,
-    TensionLaw,
 )
 from .tools import ToolTable
-from .write import tables_of
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -79,6 +75,8 @@ _REQUIRED = {
     "fabric.material": "fabric.file",
     "fabric.compression": "fabric.file: name the file, or use tension.compression",
     "fabric.in_compression": "fabric.file: name it, or use tension.in_compression",
+    "fabric.samples": "fabric.file: name a fabric with the laws of its specimens",
+    "fabric.seed": "fabric.samples",
     "mesh.unit": "mesh.outline",
     "mesh.layer": "mesh.outline",
     "stepping.most_unknowns": "stepping.tolerance",
@@ -193,7 +191,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     if file.fabric.file is None:
         laws = _fabric(file.tension, file.shear, file.bending)
     else:
-        laws = _fabric_of_file(file.fabric.file, file.fabric)
+        laws = fabric_of_file(file.fabric)
     scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
     if file.stepping.is_programme:
         scene = file.stepping.applied(scene)
@@ -264,6 +262,11 @@ def _refuse_contradictions(file: CaseFile) -> None:
                 f"{key} applies to the whole ply, but regions are given: omit one of "
                 "them"
             )
+    if file.fabric.samples is not None and file.stepping.tolerance is not None:
+        raise ValueError(
+            "fabric.samples requires one mesh, but stepping.tolerance makes others: "
+            "omit one of them"
+        )
     for key in ("part_mesh", "deck", "trim", "pattern"):
         in_space = issubclass(file.scene.declaration, WithTools)
         if getattr(file.output, key) and not in_space:
@@ -511,13 +514,13 @@ def _fabric(
     fibres: tuple[Any, Any] = (Fabric.warp, Fabric.weft),
 ) -> Fabric:
     """Fabric with the given laws; an error names the table."""
-    with _errors_in("tension "):
+    with errors_in("tension "):
         warp = tension.build()
-    with _errors_in("tension weft "):
+    with errors_in("tension weft "):
         weft = None if tension.weft is None else tension.weft.build()
-    with _errors_in("shear "):
+    with errors_in("shear "):
         of_shear = shear.build()
-    with _errors_in("bending "):
+    with errors_in("bending "):
         of_bending = bending.build()
     return Fabric(
         warp if weft is None else (warp, weft),
@@ -526,31 +529,8 @@ def _fabric(
         of_bending,
         bending.twist_N_mm,
         np.radians(shear.wrinkling_angle_deg),
+        None if shear.yarns is None else shear.yarns.construct(),
     )
-
-
-@contextmanager
-def _errors_in(place: str) -> Iterator[None]:
-    """Let errors begin with the place of their values in the case."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{place}{printable(error)}") from None
-
-
-def _fabric_of_file(file: str, table: FabricOfFile) -> Fabric:
-    from ..io import read_fabric
-
-    found = read_fabric(file, table.thickness_mm, table.units, table.material).fabric
-    if not table.changes_compression:
-        return found
-    if isinstance(found.tension, BiaxialLaw) and not isinstance(found.tension, TwoLaws):
-        raise ValueError(
-            "fabric.file contains a tension law of both strains, which also applies in "
-            "compression: omit fabric.compression and fabric.in_compression"
-        )
-    laws = (family.tension for family in found.families)
-    return replace(found, tension=tuple(map(table.compressed, laws)))
 
 
 def _with_directions(
@@ -566,7 +546,7 @@ def _with_directions(
         )
     field = read_directions(file)
     turned = FibreDirections(scene.turn @ field.warp, scene.turn @ field.weft)
-    with _errors_in(f"mesh.directions {printable(file)}: "):
+    with errors_in(f"mesh.directions {printable(file)}: "):
         warn_of_directions(scene.mesh, turned)
     misfit = scene.misfit or f"fibre directions are read from {printable(file)}"
     return replace(scene, misfit=misfit), turned.on(fabric)
@@ -624,7 +604,7 @@ def _with_regions(
             plain if degrees is None else scene.turn @ _direction(degrees)
             for plain, degrees in angles
         ]
-        with _errors_in(f"region {name!r}: "):
+        with errors_in(f"region {name!r}: "):
             fabrics[name] = _fabric(
                 region.tension or file.tension,
                 region.shear or file.shear,
@@ -642,45 +622,5 @@ def _with_regions(
 
 
 def _direction(degrees: float) -> np.ndarray:
-    return np.array([of(np.radians(degrees)) for of in (np.cos, np.sin)])
-
-
-def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[str, Any]:
-    """Tables of a case file with the numbers of laws, or with the file of the fabric.
-
-    Parameters
-    ----------
-    fabric
-        The fabric.
-    tables
-        Names of the tables: ``tension``, ``shear`` or ``bending``.
-    file
-        File of the fabric, for laws that no table contains, such as tabulated ones.
-    """
-    tensions, found = fabric.tensions, {}
-    if "tension" in tables:
-        if not isinstance(tensions, TwoLaws):
-            return {"fabric": {"file": file}}
-        found["tension"] = _table(tensions.warp)
-        if found["tension"] and tensions.weft != tensions.warp:
-            found["tension"]["weft"] = _table(tensions.weft)
-    if "shear" in tables:
-        found["shear"] = _table(fabric.shear_law)
-    if "bending" in tables:
-        stiffnesses: list[Any] = [*fabric.bending, fabric.twist]
-        keys = "warp_N_mm", "weft_N_mm", "twist_N_mm"
-        found["bending"] = {}
-        if all(isinstance(one, float) for one in stiffnesses):
-            found["bending"] = dict(zip(keys, stiffnesses, strict=True))
-    complete = all(one and one.get("weft", True) for one in found.values())
-    return found if complete else {"fabric": {"file": file}}
-
-
-def _table(law: Any) -> dict[str, Any]:
-    """Table of a law with its numbers; empty if there is none for its class."""
-    if np.ndim(getattr(law, "stiffness", 0.0)):
-        return {}
-    for table in {*get_args(TensionLaw), *get_args(ShearLaw)}:
-        if table.keys and type(law) is table.implementation():
-            return tables_of(table.of(law))
-    return {}
+    angle = np.radians(degrees)
+    return np.array([np.cos(angle), np.sin(angle)])

@@ -1,11 +1,8 @@
 """Results of finished runs, read from their folders."""
 
 import json
-import logging
 import os
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +12,7 @@ import numpy as np
 from meshio import ReadError
 from numpy import ndarray
 
+from ..mesh.progress import unlogged
 from ..mesh.user_input import printable
 from ..nets.sheet import Sheet
 from ..ply import Ply
@@ -132,18 +130,6 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
         )
     moves = (axes.turn.T @ moves)[: 3 if case.scene.dimension == 3 else 2]
     return FinishedRun(case, ply, moves.T.ravel(), load_factor, summary)
-
-
-@contextmanager
-def unlogged() -> Iterator[None]:
-    """Omit warnings in the log that a run has given before."""
-    log = logging.getLogger("skfem_textile")
-    level = log.level
-    log.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        log.setLevel(level)
 
 
 def _refuse_other_folder(folder: Path) -> None:

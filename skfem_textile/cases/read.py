@@ -170,7 +170,18 @@ def declared(
         raise CaseFileError("tables are nested too deeply") from None
     except ValueError as error:
         raise CaseFileError(str(error)) from None
-    return with_files(case, lambda path, name: str(Path(folder) / name))
+
+    def found(path: str, name: str) -> str:
+        if path != "fabric.file" or Path(name).suffix:
+            return str(Path(folder) / name)
+        from ..fabric.catalogue import file_of  # needed for few cases
+
+        try:
+            return str(file_of(name))
+        except ValueError as error:
+            raise CaseFileError(f"{path} {error}") from None
+
+    return with_files(case, found)
 
 
 def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") -> Any:

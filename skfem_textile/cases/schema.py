@@ -5,7 +5,6 @@ Case files, the command line with its help, the validation of input, the written
 `scenes`.
 """
 
-from dataclasses import replace
 from math import radians
 from typing import (
     TYPE_CHECKING,
@@ -107,8 +106,9 @@ class FabricOfFile(Table):
     file: Annotated[
         str | None,
         about(
-            "file that contains all laws: a .json of this package, the keyword FABRIC "
-            "of an .inp, or LAW58 or LAW158 of a .rad"
+            "name of a fabric of the catalogue, or file that contains all laws: a "
+            ".json of this package, the keyword FABRIC of an .inp, or LAW58 or LAW158 "
+            "of a .rad"
         ),
         FILE,
     ] = None
@@ -127,32 +127,18 @@ class FabricOfFile(Table):
         Literal["none"] | None,
         about("none: no force of the fibres in compression (default: as in the file)"),
     ] = None
+    samples: Annotated[
+        Annotated[int, Meta(ge=2)] | None,
+        about(
+            "number of further specimens of the fabric, with laws drawn from the "
+            "scatter of those in the file: the run is repeated with each of them"
+        ),
+    ] = None
+    seed: Annotated[
+        Annotated[int, Meta(ge=0)] | None,
+        about("seed of the laws of the samples (default: 1)"),
+    ] = None
     in_compression: "InCompression | None" = None
-
-    @property
-    def changes_compression(self) -> bool:
-        """True if the fibres have another law in compression than in the file."""
-        return self.compression is not None or self.in_compression is not None
-
-    def compressed(self, law: Any) -> Any:
-        """The law of a family of the file, with the behaviour in compression.
-
-        Raises
-        ------
-        ValueError
-            If the law of the file contains one.
-        """
-        from ..fabric.laws.tension import Asymmetric, Pretensioned, TensionOnly
-
-        if isinstance(law, Pretensioned):
-            return replace(law, law=self.compressed(law.law))
-        if isinstance(law, Asymmetric | TensionOnly):
-            raise ValueError(
-                f"fabric.file already contains a law in compression, of "
-                f"{type(law).__name__}: omit fabric.compression and "
-                "fabric.in_compression, or remove it from the file"
-            )
-        return _with_compression(law, self.compression or "law", self.in_compression)
 
 
 # -------------------------------------------------------------------------------- laws
@@ -234,8 +220,10 @@ class CrimpInterchange(Law, tag="crimp-interchange"):
 if TYPE_CHECKING:
     TensionLaw: TypeAlias = Law
     ShearLaw: TypeAlias = Law
+    _Yarns: TypeAlias = DeclaredTable
     BendingLaw: TypeAlias = Law
 else:
+    _Yarns = table_of(declared.Yarns, tag=False)
     _Linear = table_of(declared.Linear, Law)
     TensionLaw = (
         _Linear
@@ -323,7 +311,7 @@ class InCompression(Table):
     law: TensionLaw
 
 
-def _with_compression(law: Any, compression: str, other: InCompression | None) -> Any:
+def with_compression(law: Any, compression: str, other: InCompression | None) -> Any:
     """A law with no force, or another law, in compression."""
     from ..fabric.laws.tension import Asymmetric, TensionOnly
 
@@ -362,7 +350,7 @@ class Weft(Table):
         from ..fabric.laws.tension import Pretensioned
 
         law = self.law.build("tension")
-        law = _with_compression(law, self.compression, self.in_compression)
+        law = with_compression(law, self.compression, self.in_compression)
         if self.pretension_N_per_mm:
             law = Pretensioned(law, self.pretension_N_per_mm)
         return law if self.friction is None else self.friction.added_to(law)
@@ -381,12 +369,10 @@ class Shear(Table):
     wrinkling_angle_deg: Annotated[
         float,
         Meta(gt=0, le=90),
-        about(
-            "shear angle above which compressed fibres wrinkle, for the wrinkle_risk "
-            "of a ply on a tool"
-        ),
+        about("shear angle above which compressed fibres wrinkle, for wrinkle_risk"),
     ] = 90.0
     friction: ShearFriction | None = None
+    yarns: _Yarns | None = None
 
     def build(self) -> Any:
         """Build the law; see `Weft.build`."""

@@ -91,7 +91,7 @@ class DeclaredTable(Table):
 def table_of(
     declaration: type[Any],
     base: type[DeclaredTable] = DeclaredTable,
-    tag: str | None = None,
+    tag: str | Literal[False] | None = None,
     also: Mapping[str, Any] = MappingProxyType({}),
     last: Sequence[str] = (),
 ) -> Any:
@@ -105,7 +105,7 @@ def table_of(
         Base class, with further keys, which come first.
     tag
         Name that selects the table, and of the function; by default, for a class, its
-        name in lower case with hyphens.
+        name in lower case with hyphens.  False for a table that is not selected.
     also
         Types of further keys of the table, which are None by default.
     last
@@ -130,7 +130,7 @@ def table_of(
             "keys": keys,
         },
         module=base.__module__,
-        tag=tag or snake_case(declaration).replace("_", "-"),
+        tag=snake_case(declaration).replace("_", "-") if tag is None else tag,
         kw_only=True,
     )
 

@@ -15,12 +15,14 @@ from typing import (
     get_origin,
     get_type_hints,
 )
+from zlib import crc32
 
 from msgspec import NODEFAULT, Meta, Struct, structs
 
+from .. import __version__
 from .read import CaseFile, with_files
 from .scenes import SCENES
-from .schema import Region
+from .schema import Output, Region
 from .tables import FILE, named, summary_of
 from .tools import AnyTool
 
@@ -131,6 +133,14 @@ class WrittenCase:
         for name, content in self._files.items():
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(content)
+
+    def checksum(self) -> str:
+        """Checksum of the case and of its files, for any outputs and samples."""
+        fabric = structs.replace(self._case.fabric, samples=None)
+        case = structs.replace(self._case, fabric=fabric, output=Output())
+        text = case_text(case, __version__).encode()
+        files = (self._files[name] for name in sorted(self._files))
+        return f"{crc32(b''.join([text, *files])):08x}"
 
     def _store(self, path: str, name: str) -> str:
         """Store the content of a file; returns its name in the results folder."""

@@ -17,6 +17,7 @@ from ..solve.states import State
 #: Headings of the columns.
 DISPLACEMENT, FORCE = "displacement (mm)", "force (N)"
 HALF_WIDTH = "half-width of the force (N)"
+LOW, HIGH = "lowest force of the samples (N)", "highest force of the samples (N)"
 ANGLE, NORMALISED = "angle (deg)", "normalised shear force (N/mm)"
 
 # Headings of the columns of a recording, and factors from their units.
@@ -26,6 +27,8 @@ _HEADINGS = {
     "force": (FORCE, 1.0),
     "half-width of the force": (HALF_WIDTH, 1.0),
     "normalised shear force": (NORMALISED, 1.0),
+    "lowest force of the samples": (LOW, 1.0),
+    "highest force of the samples": (HIGH, 1.0),
 }
 
 

@@ -90,7 +90,7 @@ def run(options: Namespace) -> int:
             name = _ONE_LAW if len(laws) == 1 else _LAWS[part]
             write_law(law, folder / name)
         fabric = result.fabric(base)
-        io.write_fabric(folder / "fabric.json", fabric)
+        io.write_fabric(folder / "fabric.json", fabric, origin=result.origin())
         tables = _tables(options, result)
         choice = result.choice if options.test == "joint" else None
         write_fit_page(

@@ -16,7 +16,7 @@ from ..calibration.choice import Choice, Test
 from ..calibration.fitting import FabricFit
 from ..calibration.report import title_of
 from ..calibration.validation import Validation
-from ..cases.build import fabric_tables
+from ..cases.fabrics import fabric_tables
 from ..fabric import Fabric, TwoLaws
 from ..mesh.user_input import printable
 from .page import Row, rows, say_rows, sources, write_page
@@ -388,7 +388,7 @@ def _python(fabric: Fabric, tables: Sequence[str]) -> str:
     both = "tension" if len(laws) == 1 else "(warp, weft)"
     laws["shear"] = fabric.shear_law
     given = [f"tension={both}", "shear=shear"]
-    for key in ("warp", "weft", "bending", "twist", "wrinkling_angle"):
+    for key in ("warp", "weft", "bending", "twist", "wrinkling_angle", "yarns"):
         if repr(value := getattr(fabric, key)) != repr(getattr(Fabric, key)):
             given.append(f"{key}={value!r}")
     lines = [f"{name} = {_source(law)}" for name, law in laws.items()]

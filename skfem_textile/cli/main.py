@@ -41,9 +41,11 @@ _NET_EXIT_CODES = (
 
 #: Commands by name. A module is imported only for a command that is given.
 COMMANDS = {
-    "list": Command("list the scenes", "scenes", "list_scenes"),
+    "list": Command("list the scenes and fabrics", "scenes", "list_scenes"),
     "show": Command(
-        "draw a mesh and its fibres, and write the directions to files", "show"
+        "draw a mesh and its fibres, and write the directions to files; or show the "
+        "laws of a fabric and their sources",
+        "show",
     ),
     "run": Command(
         "run a scene or a case file and write its results to a folder", "run"

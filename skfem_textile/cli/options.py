@@ -17,8 +17,15 @@ OUTPUTS: Options = {
 }
 
 _SHOW: Options = {
-    "mesh": option("mesh file of quadrilaterals or triangles", metavar="MESH"),
+    "mesh": option(
+        "mesh file of quadrilaterals or triangles; or a fabric of the catalogue or a "
+        ".json file, whose laws and sources are shown",
+        metavar="MESH|FABRIC",
+    ),
     **OUTPUTS,
+    "--out": option(
+        "folder for results; a fabric is only printed without it", words.folder, "DIR"
+    ),
     "--directions": option(
         "file with the fibre directions of each element, as for `run` (default: MESH)",
         metavar="FILE",

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from ..cases.build import case_from_file
-from ..cases.finished import content_of, read_summary, unlogged
+from ..cases.finished import content_of, read_summary
 from ..cases.write import CASE
+from ..mesh.progress import unlogged
 from ..mesh.user_input import printable
-from ..solve.quantities import first_rows
+from ..solve.quantities import band_rows, first_rows
 from .curve import CURVE, Curve, completed, read_test_curve
 from .output import say
 from .page import Row, formatted, rows, sources, write_page
@@ -21,6 +22,9 @@ from .results import CURVES, PICTURES, draw_curves
 
 #: File of the report.
 REPORT = "report.html"
+
+#: File of the figures of each sample of the fabric.
+SAMPLES = "samples.csv"
 
 # Acceptance checks of the last state: name, text if passed, text if failed.
 _CHECKS = {
@@ -62,6 +66,8 @@ def run(options: Namespace) -> int:
         "converged": summary.get("converged") is True,
         "load_factor": summary.get("load_factor"),
         "first": _first(folder, summary),
+        "bands": band_rows(summary),
+        "samples": summary.get("samples_text"),
         "checks": list(_checks(summary)),
         "curves": curves,
         "columns": list(curve),

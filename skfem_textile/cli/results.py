@@ -12,6 +12,8 @@ from .curve import (
     DISPLACEMENT,
     FORCE,
     HALF_WIDTH,
+    HIGH,
+    LOW,
     NORMALISED,
     Curve,
     completed,
@@ -26,6 +28,8 @@ PICTURES = {
     "formed.png": "Shear angle, fibres and areal weight, with the tools",
     "section.png": "Section through ply and tools at several load factors",
     "tool_force.png": "Force of the tools on the ply over the travel",
+    "samples.png": "Force of the run with the error interval of its mesh, and with the "
+    "band of further specimens of the fabric",
     "fibre_strain.png": "Fibre strain at the last load factor",
     "fibre_directions.png": "Fibre directions at the last load factor",
     "animation.gif": "Shear angle during loading",
@@ -66,11 +70,29 @@ def draw(
     if isinstance(run, StepError):
         with held():
             plot.verdict(run, filename=folder / "refused.png")
+    if LOW in curve and np.any(curve[FORCE]):
+        _draw_samples(curve, folder)
     measured = completed(test, scene.shear_test) if test else None
     of_tool = "tool_force.png" in names and scene.driven not in scene.conditions
     if measured is None and of_tool:
         return
     draw_curves(curve, measured, folder, loops=scene.programme is not None)
+
+
+def _draw_samples(curve: Curve, folder: Path) -> None:
+    """Draw the force with its error interval, and beside it with the samples."""
+    with held():
+        from ..plot.curves import curves
+    x, along = curve[DISPLACEMENT], _axis(DISPLACEMENT)
+    if not _is_monotonic(x):
+        x, along = np.arange(len(x)), "State"
+    line, mesh = (x, curve[FORCE]), _band(curve, FORCE)
+    panels: dict[str, dict[str, tuple[ndarray, ...]]] = {
+        "Mesh" if mesh else "Mesh: no error interval": {"run": (*line, *mesh)},
+        "Fabric": {"run": (*line, curve[LOW], curve[HIGH])},
+    }
+    with held():
+        curves(panels, along, _axis(FORCE), folder / "samples.png", same_scales=True)
 
 
 def draw_curves(

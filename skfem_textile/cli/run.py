@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 import numpy as np
@@ -31,9 +31,12 @@ from .export import PartExport, decks_in
 from .interruption import INTERRUPTED, held
 from .output import STOPPED_EARLY, OutputError, complain, say
 from .page import say_rows
-from .report import REPORT
+from .report import REPORT, SAMPLES
 from .result_folder import ResultFolder
 from .run_options import as_typed, tables_of_options
+
+if TYPE_CHECKING:
+    from .samples import Sampling
 
 #: Either load stepper of a run.
 Stepper: TypeAlias = LoadStepper | ToleranceStepper
@@ -86,9 +89,10 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
         written = WrittenCase(file)
         named = file.output.test_curve
         test = None if named is None else read_test_curve(named)
+        sampling = _sampling(file, case, written, options)
         refuse_foreign_case(options.out)
         fields = (f"fields/{name}" for name in io.FIELDS)
-        numbers = ("summary.json", "history.csv", CURVE)
+        numbers = ("summary.json", "history.csv", CURVE, SAMPLES)
         export.refuse_folder(options.out)
         drapes = *io.DRAPED, *PartExport.all_files, *decks_in(options.out)
         files = (*numbers, *WRITTEN_FILES, *drapes, *fields, *_PICTURES, REPORT)
@@ -102,7 +106,8 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
     }
     # The error interval may take long, and be interrupted.
     before = replace(result, interval=lambda _: ErrorInterval(reason="interrupted"))
-    summary, curve = case.summary(before) | provenance, curve_of(case.scene, before)
+    curve: Curve = curve_of(case.scene, before)
+    summary = case.summary(before) | provenance
     exported: dict[str, Any] = {}
     complete = False
     try:
@@ -128,6 +133,10 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
                 summary = export.added(case.summary(result) | provenance, exported)
                 curve = curve_of(case.scene, result)
             _write_again(summary, curve, options)
+            if sampling:
+                code, message, summary, curve = _with_samples(
+                    sampling, (code, message), summary, curve, result, options
+                )
     except OutputError as error:
         raise OutputError(f"{error}; {_checkpoint_note(stepper)}") from None
     except KeyboardInterrupt:
@@ -154,6 +163,50 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
     if message:
         complain(message)
     return code
+
+
+def _sampling(
+    file: CaseFile, case: Case, written: WrittenCase, options: argparse.Namespace
+) -> "Sampling | None":
+    """Samples of the fabric that are to be run; None without."""
+    if file.fabric.samples is not None:
+        from .samples import Sampling
+
+        return Sampling.of(file, case, written, options)
+    for name in ("workers", "scheduler"):
+        if getattr(options, name) is not None:
+            raise ValueError(f"--{name} applies to --samples only: omit it")
+    return None
+
+
+def _with_samples(
+    sampling: "Sampling",
+    end: tuple[int, str],
+    summary: dict[str, Any],
+    curve: Curve,
+    result: Result,
+    options: argparse.Namespace,
+) -> tuple[int, str, dict[str, Any], Curve]:
+    """Run the samples: exit code, final message, and summary and curve with bands."""
+    from .samples import curve_with_band, stopped_text, with_bands, write_samples
+
+    code, message = end
+    if code != 0:
+        return code, f"{message}; no sample of the fabric is run", summary, curve
+    try:
+        samples = sampling.run(options.out)
+    except ValueError as error:
+        return STOPPED_EARLY, str(error), summary, curve
+    except KeyboardInterrupt:
+        text = "interrupted: completed samples are kept; the same command continues"
+        return INTERRUPTED, text, summary, curve
+    summary = with_bands(summary, samples)
+    curve = curve_with_band(curve, result, samples)
+    _write_again(summary, curve, options)
+    with held(), ResultFolder(options.out, (SAMPLES,)) as folder:
+        write_samples(samples, folder / SAMPLES)
+    code = STOPPED_EARLY if samples.stopped else 0
+    return code, stopped_text(samples), summary, curve
 
 
 def _load(stepper: Stepper, resume: bool) -> tuple[int, str, StepError | None]:

@@ -33,6 +33,7 @@ _OPTIONS = {
     "mesh-as-is": "mesh.as_is",
     "directions": "mesh.directions",
     "fabric": "fabric.file",
+    "samples": "fabric.samples",
     "tension-law": "tension.law",
     "fibre-stiffness": "tension.stiffness_N_per_mm",
     "shear-law": "shear.law",
@@ -82,6 +83,16 @@ _EVERY: Options = {
         "FOLDER",
         nargs="?",
         const=True,
+    ),
+    "--workers": option(
+        "number of processes for --samples (default: one for each processor)",
+        words.count,
+        "N",
+    ),
+    "--scheduler": option(
+        "address of a dask scheduler that distributes the samples, such as "
+        "tcp://machine:8786",
+        metavar="ADDRESS",
     ),
     "--json": option(
         "print summary.json instead of the first quantities", action="store_true"

@@ -6,15 +6,17 @@ from ..cases.read import declared
 from ..cases.scenes import SCENES
 from ..cases.tables import summary_of
 from ..cases.write import case_text
+from ..fabric.catalogue import catalogue
 from ..mesh.user_input import printable
 from .output import say
 
 
 def list_scenes(_: Namespace) -> int:
-    """Print a line for each scene; returns the exit code."""
+    """Print a line for each scene, and the fabrics; returns the exit code."""
     width = max(map(len, SCENES)) + 2
     for name, scene in SCENES.items():
         say(f"{name:{width}}{summary_of(scene)}")
+    say(f"fabrics for --fabric: {', '.join(catalogue())}")
     return 0
 
 

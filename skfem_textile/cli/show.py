@@ -1,4 +1,4 @@
-"""The command ``show``: draw a mesh and its fibres."""
+"""The command ``show``: draw a mesh and its fibres, or the laws of a fabric."""
 
 import argparse
 from pathlib import Path
@@ -10,9 +10,13 @@ from ..fabric.directions import FibreDirections, warn_of_directions
 from ..io import OF_DIRECTIONS, read_directions, read_mesh, write_directions
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import printable
+from .fabric import show_fabric
 from .interruption import held
 from .output import complain, say
 from .result_folder import ResultFolder
+
+# Suffixes of fabrics; names in the catalogue have none.
+_OF_FABRICS = "", ".json"
 
 _PICTURE = "mesh_and_fibres.png"
 _FILES = ("directions.vtu", "directions.csv", "directions.inp")
@@ -21,6 +25,8 @@ _FILES = ("directions.vtu", "directions.csv", "directions.inp")
 def run(options: argparse.Namespace) -> int:
     """Draw a mesh and its fibres, and write the directions; returns the exit code.
 
+    A name without a suffix, or of a .json file, is a fabric.
+
     Raises
     ------
     ValueError
@@ -28,6 +34,10 @@ def run(options: argparse.Namespace) -> int:
     OSError, OutputError
         If the folder cannot be written.
     """
+    if Path(options.mesh).suffix.lower() in _OF_FABRICS:
+        return show_fabric(options)
+    if options.out is None:
+        raise ValueError("--out is missing: name a folder for picture and directions")
     in_mesh = options.warp is None and options.directions in (None, options.mesh)
     mesh = read_mesh(options.mesh, OF_DIRECTIONS if in_mesh else ())
     directions = _directions(

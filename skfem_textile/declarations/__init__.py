@@ -188,6 +188,19 @@ class Polynomial:
     )
 
 
+@declaration("fabric.yarns")
+class Yarns:
+    """yarns, for the slip index"""
+
+    spacing: tuple[float, float] = mm("distance between yarns of warp and weft")
+    width: tuple[float, float] = mm("width of the yarns of warp and weft")
+    friction_moment: float | None = key(
+        "friction part of the shear moment (default: of the shear law)",
+        default=None,
+        unit="N_per_mm",
+    )
+
+
 @declaration("fabric.laws.bending")
 class Bilinear:
     """M = D kappa up to the knee, then slope D1; the same for both signs of kappa"""

@@ -35,6 +35,13 @@ def acute_degrees(word: str) -> float:
     return _number(word, _LEAST, 90 - _LEAST, "an angle between 0 and 90 degrees")
 
 
+def count(word: str) -> int:
+    """Positive number of things."""
+    if not (word.isdecimal() and int(word) > 0):
+        raise ArgumentTypeError(f"expected a positive integer, got {word!r}")
+    return int(word)
+
+
 def length(word: str) -> float:
     """Positive length in mm."""
     return _number(word, _LEAST, 1 / _LEAST, "a positive length in mm")

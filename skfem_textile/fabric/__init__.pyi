@@ -43,3 +43,7 @@ from .laws.tension import (
     Pretensioned as Pretensioned,
     TensionOnly as TensionOnly,
 )
+from .yarns import (
+    Yarns as Yarns,
+    friction_part as friction_part,
+)

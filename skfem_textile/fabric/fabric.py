@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -22,6 +22,9 @@ from .law import (
     n_slips,
     refuse_other_units,
 )
+
+if TYPE_CHECKING:
+    from .yarns import Yarns
 
 
 class PiecewiseDirections(Protocol):
@@ -138,6 +141,8 @@ class Fabric:
         Shear angle in radians beyond which compressed fibres wrinkle: the locking angle
         of tests.  A number or one per element, up to π/2.  It does not enter the
         energy; it is used by `drape.wrinkle_risk`.
+    yarns
+        Spacing and width of the yarns, for `slip_index`; None if they are unknown.
 
     Raises
     ------
@@ -161,6 +166,7 @@ class Fabric:
     bending: tuple[Stiffness, Stiffness] = (0.0, 0.0)
     twist: ByElement = 0.0
     wrinkling_angle: ByElement = 0.5 * np.pi
+    yarns: "Yarns | None" = None
 
     def __post_init__(self) -> None:
         keep_copies(self, "tension", "shear", "warp", "weft")
@@ -171,6 +177,10 @@ class Fabric:
             twist=_stiffness("twist", self.twist),
             wrinkling_angle=_angle(self.wrinkling_angle),
         )
+        if not (self.yarns is None or hasattr(self.yarns, "lever")):
+            raise ValueError(
+                f"yarns must be Yarns(spacing=..., width=...), not {self.yarns!r}"
+            )
         if any(hasattr(f.direction, "region") for f in self.families):
             return  # each of its fabrics is valid
         families = [f for f in self.families if not callable(f.direction)]

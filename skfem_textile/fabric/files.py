@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from .laws.polynomial import Polynomial
 from .laws.shear import Locking, Sin2, TangentShear
 from .laws.tabulated import Tabulated
 from .laws.tension import Asymmetric, CrimpToe, Pretensioned, TensionOnly
+from .origin import Origin, SpecimenLaw
 from .regions import RegionalDirection, RegionalLaw, RegionalTensions
 
 _FORMAT = "skfem_textile fabric 1"
@@ -35,9 +36,13 @@ _LAWS: tuple[type[Any], ...] = (
     *(Bilinear, TwoLaws, RegionalLaw, RegionalTensions, WithFriction),
 )
 
-# Classes in a file: laws, their components, and directions.
+# Classes in a file: laws, their components, directions, and the origin of the laws.
 _KINDS: dict[str, Any] = {
-    kind.__name__: kind for kind in (*_LAWS, Softening, RegionalDirection, AlongCurve)
+    kind.__name__: kind
+    for kind in (
+        *(*_LAWS, Softening, RegionalDirection, AlongCurve),
+        *(Origin, SpecimenLaw),
+    )
 }
 
 
@@ -106,8 +111,8 @@ def read_law(path: str | os.PathLike[str]) -> Any:
         raise ValueError(f"{printable(path)}: {error}") from None
 
 
-def fabric_text(fabric: Fabric) -> str:
-    """Fabric as JSON.
+def fabric_text(fabric: Fabric, origin: Origin | None = None) -> str:
+    """Fabric as JSON, with the origin of its laws if it is known.
 
     Raises
     ------
@@ -126,11 +131,15 @@ def fabric_text(fabric: Fabric) -> str:
         value = _encoded(name, getattr(fabric, name))
         if value != _encoded(name, getattr(Fabric, name)):
             encoded[name] = value
+    if origin is not None:
+        encoded["origin"] = _encoded("origin", origin)
+    if fabric.yarns is not None:
+        encoded["yarns"] = asdict(fabric.yarns)
     return _text({"format": _FORMAT} | encoded)
 
 
-def fabric_of_text(content: bytes) -> Fabric:
-    """Fabric described by `fabric_text`, in UTF-8.
+def fabric_of_text(content: bytes) -> tuple[Fabric, Origin | None]:
+    """Fabric described by `fabric_text`, in UTF-8, and the origin of its laws.
 
     Raises
     ------
@@ -140,16 +149,25 @@ def fabric_of_text(content: bytes) -> Fabric:
     parts = _content(content)
     if not isinstance(parts, Mapping) or parts.get("format") != _FORMAT:
         raise ValueError(f"the key 'format' must be {_FORMAT!r}")
-    if set(parts) - {"format", *_OTHERS} != set(_PARTS):
+    optional = *_OTHERS, "yarns", "origin"
+    if set(parts) - {"format", *optional} != set(_PARTS):
         raise ValueError(
             f"the keys must be {', '.join(_PARTS)} and, optionally, "
-            f"{', '.join(_OTHERS)}"
+            f"{', '.join(optional[:-1])} and origin"
         )
-    return _described("fabric", lambda: _fabric(parts))
+    return _described("fabric", lambda: (_fabric(parts), _origin(parts.get("origin"))))
+
+
+def _origin(content: Any) -> Origin | None:
+    origin = _decoded(content)
+    if not (origin is None or isinstance(origin, Origin)):
+        raise ValueError("origin must be an object of the kind Origin")
+    return origin
 
 
 def _fabric(content: Mapping[str, Any]) -> Fabric:
-    decoded = {name: _decoded(content[name]) for name in content if name != "format"}
+    apart = "format", "origin"
+    decoded = {name: _decoded(content[name]) for name in content if name not in apart}
     tension = content["tension"]
     if isinstance(tension, Mapping) and "kind" not in tension:
         if set(tension) != {"warp", "weft"}:
@@ -161,6 +179,10 @@ def _fabric(content: Mapping[str, Any]) -> Fabric:
     for name in ("warp", "weft"):
         if isinstance(decoded[name], tuple):
             decoded[name] = np.array(decoded[name], dtype=float)
+    if "yarns" in decoded:
+        from .yarns import Yarns
+
+        decoded["yarns"] = Yarns(**decoded["yarns"])
     return Fabric(**decoded)
 
 
@@ -194,7 +216,7 @@ def _encoded(name: str, value: Any) -> Any:
         return value.tolist()
     if isinstance(value, list | tuple):
         return [_encoded(name, one) for one in value]
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: _encoded(f"{name} of {key}", one) for key, one in value.items()}
     if value is None or isinstance(value, bool | int | float | str):
         return value

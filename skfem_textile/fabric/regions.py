@@ -194,7 +194,8 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
         for name in ("twist", "wrinkling_angle")
     )
     bending = of_warp, of_weft
-    return Fabric(tension, shear, warp, weft, bending, twist, wrinkling_angle)
+    others = bending, twist, wrinkling_angle, fabric.yarns
+    return Fabric(tension, shear, warp, weft, *others)
 
 
 def _on_elements(name: str, value: Any, parent: ndarray) -> Any:
@@ -276,7 +277,16 @@ def fabric_of_regions(
         bending=(of_warp, of_weft),
         twist=_numbers("twist", twist, region, parent),
         wrinkling_angle=_numbers("wrinkling angle", angles, region, parent),
+        yarns=_yarns([fabric.yarns for fabric in fabrics.values()]),
     )
+
+
+def _yarns(values: Sequence[Any]) -> Any:
+    """The yarns of all fabrics that have some; an error if they differ."""
+    known = [value for value in values if value is not None]
+    if any(value != known[0] for value in known):
+        raise ValueError("the fabrics of all subdomains must have the same yarns")
+    return known[0] if known else None
 
 
 def _bending(values: Sequence[Any], region: ndarray, parent: ndarray) -> Any:

@@ -17,6 +17,7 @@ from .draping import (
 )
 from .fabrics import (
     OF_FABRICS as OF_FABRICS,
+    catalogue as catalogue,
     read_fabric as read_fabric,
     write_fabric as write_fabric,
 )

@@ -17,8 +17,11 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import Fabric, Law, Linear, Tabulated, TensionOnly, TwoLaws
+from ..fabric.catalogue import catalogue as catalogue
+from ..fabric.catalogue import file_of
 from ..fabric.files import fabric_of_text, fabric_text
 from ..fabric.law import domain_of
+from ..fabric.origin import Origin
 from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt, printable
 from . import radioss
@@ -40,11 +43,39 @@ class FabricOfFile(NamedTuple):
     """Fabric read from a file, and messages about ignored data.
 
     ``fabric`` has laws in N/mm, and directions if the file defines them.  ``ignored``
-    has one message per ignored feature of the file.
+    has one message per ignored feature of the file.  ``origin`` states the sources and
+    the laws of single specimens; None if the file does not contain them.
     """
 
     fabric: Fabric
     ignored: tuple[str, ...]
+    origin: Origin | None = None
+
+    def samples(self, n: int, seed: int = 1) -> list[Fabric]:
+        """Fabrics with the random laws of n further specimens.
+
+        Parameters
+        ----------
+        n
+            Number of samples.  The first ones of a larger n are the same.
+        seed
+            Seed of the random numbers.
+
+        Raises
+        ------
+        ValueError
+            If the file contains the laws of fewer than three specimens, or a law of a
+            specimen is not positive.
+
+        Examples
+        --------
+        >>> one, two = read_fabric("cao2008-plain-weave").samples(2)
+        >>> one.shear_law.value(np.array([0.5])).round(4).item()
+        0.0106
+        """
+        from ..fabric.scatter import sampled
+
+        return sampled(self.fabric, self.origin, n, seed)
 
 
 def read_fabric(
@@ -53,14 +84,14 @@ def read_fabric(
     units: str = "N mm",
     material: str | None = None,
 ) -> FabricOfFile:
-    """Read a fabric from a .json, an Abaqus .inp or an OpenRadioss .rad file.
+    """Read a fabric of the catalogue, or a .json, Abaqus .inp or OpenRadioss .rad file.
 
     A warning in the log ``skfem_textile`` reports each ignored feature.
 
     Parameters
     ----------
     path
-        The file.
+        The file, or a name of `catalogue`.
     thickness
         Thickness of the ply in mm, which converts stress to force per width.  By
         default the thickness of the section of the material in an Abaqus deck.
@@ -85,8 +116,13 @@ def read_fabric(
     >>> write_fabric("fabric.json", Fabric(1e4, 0.5, warp=(1, 1), weft=(-1, 1)))
     >>> read_fabric("fabric.json").fabric.families[0].tension
     Linear(stiffness=10000.0)
+    >>> read_fabric("cao2008-plain-weave").origin.sources["shear"][:40]
+    'polynomial of degree 5, fitted to the fo'
     """
-    path = Path(path)
+    try:
+        path = file_of(path)
+    except ValueError as error:
+        raise MeshError(str(error)) from None
     with errors_about(path):
         result = _read(path, thickness, units, material)
     for sentence in result.ignored:
@@ -109,7 +145,8 @@ def _read(
             raise MeshError(
                 "a .json file does not need a thickness or a material: omit them"
             )
-        return FabricOfFile(fabric_of_text(content), ())
+        fabric, origin = fabric_of_text(content)
+        return FabricOfFile(fabric, (), origin)
     stress = force / length**2
     if suffix == ".rad":
         fabric, ignored = radioss.read(content, thickness, stress, material)
@@ -137,6 +174,7 @@ def write_fabric(
     fabric: Fabric,
     thickness: float | None = None,
     name: str = "FABRIC",
+    origin: Origin | None = None,
 ) -> None:
     """Write a fabric, lossless to .json or as an Abaqus material to .inp.
 
@@ -154,6 +192,8 @@ def write_fabric(
         Thickness of the ply in mm, for a .inp.
     name
         Name of the material in a .inp.
+    origin
+        Origin of the laws, for a .json.
 
     Raises
     ------
@@ -166,7 +206,7 @@ def write_fabric(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".json":
-        text = fabric_text(fabric)
+        text = fabric_text(fabric, origin)
     elif suffix != ".inp":
         raise ValueError(f"{path}: fabrics can be written only to .json, .inp files")
     elif thickness is None or not (np.isfinite(thickness) and thickness > 0):
@@ -472,6 +512,7 @@ def _material_of(fabric: Fabric, thickness: float, name: str) -> str:
         "a law of both fibre strains": not isinstance(fabric.tensions, TwoLaws),
         "bending or twist stiffness": fabric.bends,
         "a wrinkling angle": np.any(fabric.wrinkling_angle != Fabric.wrinkling_angle),
+        "yarns": fabric.yarns is not None,
         "laws that differ between elements": fabric.at() is not fabric,
     }
     for what, is_given in unsupported.items():

@@ -56,7 +56,8 @@ def cell_fields(
     dict
         ``warp_strain``, ``weft_strain``, ``warp_tension``, ``weft_tension`` (N/mm) and
         ``shear_angle`` (degrees), shape (n_elements,); ``warp_direction`` and
-        ``weft_direction``, shape (n_elements, 3).
+        ``weft_direction``, shape (n_elements, 3); ``slip_index``, shape (n_elements,),
+        of a fabric with yarns.
     """
     strain, tension = ply.law_strain(u), ply.fibre_tension(u, parameters)
     direction = ply.fibre_direction(u, ply.centre)[..., 0]
@@ -65,6 +66,10 @@ def cell_fields(
         fields[f"{family}_strain"] = _extreme(strain[i])
         fields[f"{family}_tension"] = _extreme(tension[i])
         fields[f"{family}_direction"] = in_space(direction[i].T)
+    if ply.fabric.yarns is not None:
+        from ..ply.slip import slip_index
+
+        fields["slip_index"] = slip_index(ply, u, parameters)
     return fields
 
 

@@ -74,6 +74,18 @@ def shown(work: str | Callable[[], str], printed: bool = False) -> Iterator[None
             display.join()
 
 
+@contextmanager
+def unlogged() -> Iterator[None]:
+    """Omit warnings in the log that a run has given before."""
+    log = logging.getLogger("skfem_textile")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+
+
 def clear() -> None:
     """Erase the visible line before other output; its next update shows it again."""
     global _visible

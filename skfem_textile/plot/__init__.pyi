@@ -6,6 +6,9 @@ from .curves import (
     plot_tensions as plot_tensions,
     singular_fibres as singular_fibres,
 )
+from .fabrics import (
+    fabric_laws as fabric_laws,
+)
 from .fields import (
     FIELDS as FIELDS,
     Field as Field,

@@ -31,8 +31,8 @@ _LEAST_HEIGHT = 2.5
 # and of the gap after it, in font sizes (matplotlib's defaults).
 _MOST_COLUMNS, _LINE, _BETWEEN = 3, 2.8, 2.0
 
-# Opacity of a band, and its label.
-_PALE, _BAND = 0.25, "error interval"
+# Opacity of a band, and its labels by the number of entries of a curve.
+_PALE, _BANDS = 0.25, {3: "error interval", 4: "samples of the fabric"}
 
 
 def curves(
@@ -40,6 +40,7 @@ def curves(
     xlabel: str,
     ylabel: str,
     filename: str | os.PathLike[str] | None = None,
+    same_scales: bool = False,
 ) -> Figure:
     """Plot curves in panels side by side; a label has the same colour in all panels.
 
@@ -47,11 +48,13 @@ def curves(
     ----------
     panels
         For each panel title, curves ``(x, y)`` by label, or ``(x, y, half_width)`` with
-        a band.
+        an error interval, or ``(x, y, low, high)`` with a band of samples.
     xlabel, ylabel
         Labels of the axes, with units.
     filename
         Output file: PNG, or vector graphics (.svg, .pdf or .eps).
+    same_scales
+        True if all panels have the same axes.
 
     Raises
     ------
@@ -71,11 +74,13 @@ def curves(
         height = max(_LEAST_HEIGHT, 0.8 * width / len(panels))
         figure.set_size_inches(width, height)
         for i, (title, lines) in enumerate(panels.items(), start=1):
-            axes = figure.add_subplot(1, len(panels), i)
-            for label, (x, y, *bands) in lines.items():
+            first = figure.axes[0] if same_scales and figure.axes else None
+            axes = figure.add_subplot(1, len(panels), i, sharex=first, sharey=first)
+            for label, (x, y, *band) in lines.items():
                 axes.plot(x, y, "o-", label=label, color=colour[label], markersize=2)
-                for half in map(np.asarray, bands):
-                    low, high = np.asarray(y) - half, np.asarray(y) + half
+                if band:
+                    half, y = np.asarray(band[0]), np.asarray(y)
+                    low, high = (y - half, y + half) if len(band) == 1 else band
                     axes.fill_between(x, low, high, color=colour[label], alpha=_PALE)
             axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
             axes.grid(alpha=0.3)
@@ -83,14 +88,17 @@ def curves(
             Line2D([], [], marker="o", markersize=4, color=c, label=k)
             for k, c in colour.items()
         ]
-        if any(len(line) > 2 for lines in panels.values() for line in lines.values()):
-            handles.append(Patch(color="grey", alpha=_PALE, label=_BAND))
+        lengths = {len(line) for lines in panels.values() for line in lines.values()}
+        handles += [
+            Patch(color="grey", alpha=_PALE, label=_BANDS[n])
+            for n in sorted(lengths & set(_BANDS))
+        ]
         names = [str(one.get_label()) for one in handles]
-        legend_below(figure, handles, _columns(names, width * 25.4))
+        legend_below(figure, handles, columns_of(names, width * 25.4))
     return figure
 
 
-def _columns(labels: Sequence[str], width: float) -> int:
+def columns_of(labels: Sequence[str], width: float) -> int:
     """Number of columns of a legend that fit a width in mm."""
     size = TITLE * POINT
     for n in range(_MOST_COLUMNS, 1, -1):

@@ -136,6 +136,12 @@ def _mean_displacement(ply: FabricOnBasis, u: ndarray) -> ndarray:
     return np.linalg.norm(displacement[ply.mesh.t].mean(axis=0), axis=1)
 
 
+def _slip_index(ply: Any, u: ndarray) -> ndarray:
+    from ..ply.slip import slip_index
+
+    return 100 * slip_index(ply, u)
+
+
 #: Fields by name.
 FIELDS: Mapping[str, Field] = {
     "shear_angle": Field(
@@ -149,6 +155,7 @@ FIELDS: Mapping[str, Field] = {
     "warp_tension": _of_family("Warp tension (N/mm)"),
     "weft_tension": _of_family("Weft tension (N/mm)"),
     "displacement": Field("Displacement (mm)", _mean_displacement, "cividis"),
+    "slip_index": Field("Slip index (%)", _slip_index, "cividis"),
     "area_ratio": Field(
         "Area relative to initial area",
         lambda ply, u: ply.least_area_ratio(u),

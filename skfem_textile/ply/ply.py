@@ -136,6 +136,10 @@ class Ply(SumOfTerms):
             mesh.boundaries[x] for x, end in self.fibre_ends.items() if end == "mirror"
         ]
         check_laws(fabric.at(), self.basis.dx.shape)
+        if fabric.yarns is not None:
+            from .slip import friction_of
+
+            friction_of(self, fabric.yarns)  # refuses yarns without friction
         self.nodes = node_positions(self.basis)
         self.fine_points = formulation.fine_points
         self.corners = Corners(self.basis)

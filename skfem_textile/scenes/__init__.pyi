@@ -17,6 +17,10 @@ from .forming import (
 from .scene import (
     Scene as Scene,
 )
+from .samples import (
+    Samples as Samples,
+    run_samples as run_samples,
+)
 from .simple_shear import (
     simple_shear as simple_shear,
 )

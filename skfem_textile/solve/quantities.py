@@ -11,6 +11,9 @@ _ROUND_OFF = {"%": 1e-3, "°": 1e-3, "mm": 1e-6}
 #: Relative rounding of values with four digits: printed intervals are not narrower.
 ROUNDED = 1e-3
 
+#: End of the key of the band of a quantity over further specimens of the fabric.
+BAND = "_band"
+
 # Maximum number of rows.  With the names of the files they are 15 lines.
 _MOST = 14
 
@@ -66,7 +69,16 @@ class Quantity(NamedTuple):
         number = _rounded(value, 4)
         if self.unit in _ROUND_OFF and 0 < abs(value) < _ROUND_OFF[self.unit]:
             number = f"below {_ROUND_OFF[self.unit]:g}"
-        return f"{number}{interval}{unit}{self.note}{place}{reason}"
+        band = self._band(summary)
+        return f"{number}{interval}{unit}{self.note}{place}{reason}{band}"
+
+    def _band(self, summary: Mapping[str, Any]) -> str:
+        """Band over further specimens of the fabric; empty without one."""
+        if self.key + BAND not in summary:
+            return ""
+        scale = 100 if self.unit == "%" else 1
+        low, high = (_rounded(scale * x, 4) for x in summary[self.key + BAND])
+        return f"; samples {low} to {high}"
 
     def _interval(self, value: float, summary: Mapping[str, Any]) -> tuple[str, str]:
         """Half-width of the value, or the reason why there is none."""
@@ -84,6 +96,24 @@ class Quantity(NamedTuple):
 def _rounded(value: float, digits: int) -> str:
     """Number with some digits, without an exponent up to 10¹⁵."""
     return f"{float(f'{value:.{digits}g}'):.15g}"
+
+
+def band_rows(summary: Mapping[str, Any]) -> list[list[str]]:
+    """Rows of the quantities with a band over further specimens of the fabric.
+
+    Name with unit, value of the run, half-width of its error interval, which may be
+    missing, and ends of the band.  Argument and errors as for `first_rows`.
+    """
+    rows = []
+    for one in (Quantity(**fields) for fields in summary.get("first", ())):
+        if (band := summary.get(one.key + BAND)) is None:
+            continue
+        half = summary.get(f"{one.key}_half_width")
+        values = summary[one.key], half, *band
+        scale = 100 if one.unit == "%" else 1
+        cells = ["" if x is None else _rounded(scale * x, 4) for x in values]
+        rows.append([f"{one.name} ({one.unit})", *cells])
+    return rows
 
 
 #: Largest shear angle of a ply in its plane, and in space.
@@ -107,6 +137,12 @@ OF_PLY = (
         note=" of the area, where compressed fibres may buckle",
         at="; most compressed at",
     ),
+)
+
+#: Force handed over at crossings, of a fabric with yarns.
+SLIP = Quantity(
+    *("Slip index", "max_slip_index", "%"),
+    note=" of the force that friction at a crossing bears",
 )
 
 

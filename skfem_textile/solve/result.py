@@ -20,7 +20,7 @@ from .continuation import path_warning
 from .largest_angle import figures_of_shear
 from .linear.solver import Choice
 from .on_surface import OnSurface
-from .quantities import IN_PLANE, IN_SPACE, LOST, OF_PLY, Quantity, first_rows
+from .quantities import IN_PLANE, IN_SPACE, LOST, OF_PLY, SLIP, Quantity, first_rows
 from .search import state_at
 from .states import State
 
@@ -339,7 +339,8 @@ class Result:
             first.append(IN_SPACE._replace(has_interval=known or not stated).declared())
         else:
             first.append(IN_PLANE.declared())
-        lost = (LOST,) if state.energy_lost else ()
+        of_friction = (LOST,) if state.energy_lost else ()
+        of_friction += (SLIP,) if ply.fabric.yarns else ()
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -362,6 +363,7 @@ class Result:
             "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
             **of_shear,
             **self.place_of_shear(),
+            **self._figures_of_slip(),
             **of_load,
             "load_half_width": error.load,
             "shear_angle_error_deg": (
@@ -375,7 +377,7 @@ class Result:
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
             **of_tools,
-            "first": [*first, *(one.declared() for one in (*lost, *OF_PLY))],
+            "first": [*first, *(one.declared() for one in (*of_friction, *OF_PLY))],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
 
@@ -403,6 +405,14 @@ class Result:
         corners = self.ply.positions(self.u)[:, self.ply.mesh.t[:, element]]
         place = stated(corners.mean(axis=1, keepdims=True))[:, 0]
         return components_mm(name, place)
+
+    def _figures_of_slip(self) -> dict[str, float]:
+        """Figures of the slip index; empty for a fabric without yarns."""
+        if self.ply.fabric.yarns is None:
+            return {}
+        from ..ply.slip import slip_figures
+
+        return slip_figures(self.ply, self.u, self.states[-1].parameters)
 
     def _figures_of_load(self, driven: Driven | None) -> dict[str, Any]:
         """Load and displacement; the largest displacement if only loads deform a ply.

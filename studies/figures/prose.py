@@ -15,6 +15,7 @@ CHECKED = (
     ROOT / "README.md",
     ROOT / "paper" / "paper.md",
     ROOT / "docs" / "index.md",
+    ROOT / "docs" / "validation.md",
     *(
         page
         for folder in ("benchmarks", "how-to", "tutorial")

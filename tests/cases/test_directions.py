@@ -5,7 +5,8 @@ import pytest
 
 from skfem_textile import CrimpToe, Fabric, Linear, Sin2
 from skfem_textile.cases import case_from_tables
-from skfem_textile.cases.build import _has_other_directions, fabric_tables
+from skfem_textile.cases.build import _has_other_directions
+from skfem_textile.cases.fabrics import fabric_tables
 from skfem_textile.fabric import TwoLaws
 from skfem_textile.scenes import trellis
 from skfem_textile.scenes.rectangle import rectangle

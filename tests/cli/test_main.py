@@ -9,12 +9,13 @@ import pytest
 from skfem_textile.cases import SCENES, case_from_tables
 from skfem_textile.cli import main as cli
 from skfem_textile.declarations.scenes import PlaneScene
+from skfem_textile.fabric.catalogue import catalogue
 from tests.helpers.command_line import rejected
 
 pytestmark = pytest.mark.usefixtures("no_interval")
 
 
-def test_list_names_the_scenes(capsys):
+def test_list_names_the_scenes_and_fabrics(capsys):
     assert cli.main(["list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     names = [
@@ -23,7 +24,8 @@ def test_list_names_the_scenes(capsys):
         *("hemisphere", "cylinder", "double_dome", "saddle", "drape"),
         *("hemisphere_forming", "double_dome_forming", "forming"),
     ]
-    assert [line.split()[0] for line in lines] == names
+    assert [line.split()[0] for line in lines] == [*names, "fabrics"]
+    assert lines[-1].endswith(", ".join(catalogue()))
 
 
 def test_the_middle_of_a_long_line_is_elided(tmp_path, capsys):

@@ -128,6 +128,8 @@ LINES = {
     ],
     "show --out out": [
         ("none.vtu", "no such file"),
+        ("cloth", "cloth is neither a file of a fabric nor a name in the catalogue"),
+        ("cao2008-plain-weave --warp 0", "--warp applies to a mesh only"),
         ("ply.vtu --warp 0", "must be given together"),
         ("ply.vtu --warp east --weft 90", "degrees, got 'east'"),
         ("ply.vtu --warp 0 --weft 90 --directions x", "omit one"),

@@ -34,8 +34,8 @@ LAYERS = {
     "drape": ("contact", "nets", "surfaces"),
     "declarations.scenes": ("surfaces", "nets", "declarations"),
     "scenes": (
-        *("declarations.scenes", "contact", "nets", "surfaces", "outlines", "solve"),
-        *("ply", "fabric", "declarations", "mesh"),
+        *("declarations.scenes", "contact", "nets", "surfaces", "outlines", "sweep"),
+        *("solve", "ply", "fabric", "declarations", "mesh"),
     ),
     "io": (
         *("contact", "nets", "surfaces", "outlines", "solve", "ply", "forms"),
@@ -55,7 +55,7 @@ LAYERS = {
     "cli": (
         *("calibration", "plot", "cases", "io", "scenes", "solve", "declarations"),
         *("declarations.scenes", "drape", "contact", "nets", "surfaces", "outlines"),
-        *("ply", "fabric", "mesh", "cli.interruption", "cli.output"),
+        *("sweep", "ply", "fabric", "mesh", "cli.interruption", "cli.output"),
     ),
     "__main__": ("cli",),
 }

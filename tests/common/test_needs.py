@@ -265,7 +265,7 @@ for words in {lines}:
                 *("run strip --help", "run strip --help all", "run drape --help"),
                 "fit joint --help",
             ],
-            {"cli", "cases", "declarations", "mesh"},
+            {"cli", "cases", "declarations", "fabric", "mesh"},  # names of fabrics
             set(),
         ),
     ],

@@ -29,7 +29,9 @@ FENCED = re.compile(r"^```(.*)\n(?:.*\n)*?```$", re.M)
 #: Every external address that a page links to.
 EXTERNAL = {
     "https://gmsh.info",
+    "https://github.com/bertoldi-collab/aerodynamic-textile-metamaterials",
     "https://github.com/chrkrogh/Export-Draped-Pattern-from-Abaqus-Composites-Modeler",
+    "https://doi.org/10.1016/j.compositesa.2008.02.016",
     "https://github.com/guzmalalo/bias_test",
     "https://github.com/nschloe/meshio",
     "https://keepachangelog.com/en/1.1.0/",

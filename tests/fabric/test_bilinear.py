@@ -64,5 +64,5 @@ def test_curvatures_per_metre_in_the_wrong_unit_are_refused(tmp_path):
 
 def test_a_fabric_with_laws_is_read_back():
     fabric = Fabric(bending=(Bilinear(100.0, 1e-3, 20.0), Linear(3.0)))
-    found = fabric_of_text(fabric_text(fabric).encode())
+    found, _ = fabric_of_text(fabric_text(fabric).encode())
     assert found.bending == (Bilinear(100.0, 1e-3, 20.0), 3.0)

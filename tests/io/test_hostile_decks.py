@@ -8,9 +8,9 @@ import numpy as np
 from hypothesis import strategies as st
 
 from skfem_textile import MeshError
-from skfem_textile.cases.finished import unlogged
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_directions, read_fabric, write_fabric
+from skfem_textile.mesh.progress import unlogged
 from tests.helpers.decks import card, keyword_blocks
 from tests.helpers.hostile import (
     RIGHT,

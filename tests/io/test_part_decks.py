@@ -15,9 +15,9 @@ import pytest
 from hypothesis import strategies as st
 
 from skfem_textile import MeshError, drape
-from skfem_textile.cases.finished import unlogged
 from skfem_textile.io import read_part_deck, write_part_deck
 from skfem_textile.io.layups import LAYERS
+from skfem_textile.mesh.progress import unlogged
 from tests.helpers.decks import keyword_blocks
 from tests.helpers.hostile import (
     RIGHT,

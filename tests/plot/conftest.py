@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, scenes
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, Yarns, scenes
 from tests.helpers.forming import hemisphere, stopped  # noqa: F401
 
 
@@ -15,8 +15,9 @@ from tests.helpers.forming import hemisphere, stopped  # noqa: F401
 def of_strip():
     """Two results to be drawn, not to be changed."""
     scene = scenes.strip(size=(3, 4))
+    fabric = Fabric(1e4, yarns=Yarns((2.0, 2.0), (1.5, 1.5), friction_moment=0.1))
     return [
-        LoadStepper(Ply(scene.mesh, Fabric(1e4), f), scene.conditions, steps=4).run()
+        LoadStepper(Ply(scene.mesh, fabric, f), scene.conditions, steps=4).run()
         for f in (Full(), OnePoint(10.0))
     ]
 

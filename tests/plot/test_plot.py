@@ -8,6 +8,7 @@ import pytest
 
 from skfem_textile import Fabric, LoadStepper, Macro, Ply
 from skfem_textile.fabric.directions import FibreDirections
+from skfem_textile.io import read_fabric
 from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.scenes import Case, buckling, strip
 from tests.helpers.pictures import degrees_off
@@ -143,6 +144,33 @@ def test_load_curves_have_their_labels(tmp_path):
         drawn = 255 * np.array(matplotlib.colors.to_rgb(colour))
         assert np.sum(np.abs(pixels - drawn).max(axis=1) < 2) > 500
     assert [line.get_ydata().tolist() for line in axes.lines] == [[0, 2], [0, 3]]
+
+
+def test_a_band_with_two_ends_has_them_and_panels_may_share_their_axes():
+    x, y, low, high = [0.0, 1.0], [0.0, 2.0], [0.0, 1.0], [0.0, 5.0]
+    panels = {"mesh": {"run": (x, y, [0.0, 0.1])}, "fabric": {"run": (x, y, low, high)}}
+    figure = plot.curves(panels, "mm", "N", same_scales=True)
+    mesh, fabric = figure.axes
+    corners = fabric.collections[0].get_paths()[0].vertices
+    assert {(1.0, 1.0), (1.0, 5.0)} <= {tuple(map(float, one)) for one in corners}
+    assert mesh.get_ylim() == fabric.get_ylim()
+    labels = [one.get_text() for one in figure.legends[0].get_texts()]
+    assert labels == ["run", "error interval", "samples of the fabric"]
+
+
+@pytest.mark.parametrize(
+    ("name", "titles", "lines"),
+    [
+        ("cao2008-plain-weave", ["Shear", "Tension (assumed)"], 10),
+        ("farrell-woven-nylon", ["Shear", "Tension"], 1),
+    ],
+)
+def test_the_laws_of_a_fabric_state_specimens_and_assumptions(name, titles, lines):
+    found = read_fabric(name)
+    shear, tension = plot.fabric_laws(found.fabric, found.origin).axes
+    assert [shear.get_title(), tension.get_title()] == titles
+    assert len(shear.lines) == lines  # of the specimens, and of the fabric
+    assert len(shear.collections) == (lines > 1)  # the band
 
 
 def test_a_half_width_is_drawn_as_a_band_in_the_colour_of_its_curve():

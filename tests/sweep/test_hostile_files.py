@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from hypothesis import strategies as st
 
-from skfem_textile.cases.finished import unlogged
+from skfem_textile.mesh.progress import unlogged
 from skfem_textile.sweep import sweep
 from tests.helpers.hostile import (
     RIGHT,

@@ -21,6 +21,8 @@ COLUMNS: dict[str, dict[str, float]] = {
     "displacement": IN_MM,
     "force": _FORCE,
     "half-width of the force": _FORCE,
+    "lowest force of the samples": _FORCE,
+    "highest force of the samples": _FORCE,
     "shear angle": ANGLE,
     "normalised shear force": _FORCE_PERIN_MM,
     "strain": _STRAIN,

@@ -28,7 +28,7 @@ from skfem_textile import (
     Quadratic,
     Sin2,
 )
-from skfem_textile.cases.finished import unlogged
+from skfem_textile.mesh.progress import unlogged
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers.hostile import (

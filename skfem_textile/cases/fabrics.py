@@ -1,0 +1,127 @@
+"""Fabrics of cases: from files, with samples, and as tables of a case file."""
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+
+from ..fabric import (
+    Asymmetric,
+    BiaxialLaw,
+    Fabric,
+    Pretensioned,
+    TensionOnly,
+    TwoLaws,
+)
+from ..mesh.user_input import printable
+from .schema import FabricOfFile, ShearLaw, TensionLaw, with_compression
+from .write import tables_of
+
+if TYPE_CHECKING:
+    from ..io.fabrics import FabricOfFile as FabricWithOrigin
+
+
+@contextmanager
+def errors_in(place: str) -> Iterator[None]:
+    """Let errors begin with the place of their values in the case."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{place}{printable(error)}") from None
+
+
+def fabric_of_file(table: FabricOfFile) -> Fabric:
+    """Fabric of the file of a case, with the behaviour in compression of the case."""
+    return _compressed(_read(table).fabric, table)
+
+
+def _read(table: FabricOfFile) -> "FabricWithOrigin":
+    from ..io import read_fabric
+
+    assert table.file is not None
+    return read_fabric(table.file, table.thickness_mm, table.units, table.material)
+
+
+def _compressed(found: Fabric, table: FabricOfFile) -> Fabric:
+    if table.compression is None and table.in_compression is None:
+        return found
+    if isinstance(found.tension, BiaxialLaw) and not isinstance(found.tension, TwoLaws):
+        raise ValueError(
+            "fabric.file contains a tension law of both strains, which also applies in "
+            "compression: omit fabric.compression and fabric.in_compression"
+        )
+    laws = (family.tension for family in found.families)
+    return replace(found, tension=tuple(_law_compressed(law, table) for law in laws))
+
+
+def _law_compressed(law: Any, table: FabricOfFile) -> Any:
+    """The law of a family of the file, with the behaviour in compression."""
+    if isinstance(law, Pretensioned):
+        return replace(law, law=_law_compressed(law.law, table))
+    if isinstance(law, Asymmetric | TensionOnly):
+        raise ValueError(
+            f"fabric.file already contains a law in compression, of "
+            f"{type(law).__name__}: omit fabric.compression and "
+            "fabric.in_compression, or remove it from the file"
+        )
+    return with_compression(law, table.compression or "law", table.in_compression)
+
+
+def sampled_fabrics(table: FabricOfFile) -> list[Fabric]:
+    """Fabrics of the samples of a case; empty without.
+
+    Raises
+    ------
+    ValueError
+        See `FabricOfFile.samples` of `io`.
+    """
+    if table.samples is None:
+        return []
+    with errors_in("fabric.samples: "):
+        found = _read(table).samples(
+            table.samples, 1 if table.seed is None else table.seed
+        )
+    return [_compressed(one, table) for one in found]
+
+
+def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[str, Any]:
+    """Tables of a case file with the numbers of laws, or with the file of the fabric.
+
+    Parameters
+    ----------
+    fabric
+        The fabric.
+    tables
+        Names of the tables: ``tension``, ``shear`` or ``bending``.
+    file
+        File of the fabric, for laws that no table contains, such as tabulated ones.
+    """
+    tensions, found = fabric.tensions, {}
+    if "tension" in tables:
+        if not isinstance(tensions, TwoLaws):
+            return {"fabric": {"file": file}}
+        found["tension"] = _table(tensions.warp)
+        if found["tension"] and tensions.weft != tensions.warp:
+            found["tension"]["weft"] = _table(tensions.weft)
+    if "shear" in tables:
+        found["shear"] = _table(fabric.shear_law)
+    if "bending" in tables:
+        stiffnesses: list[Any] = [*fabric.bending, fabric.twist]
+        keys = "warp_N_mm", "weft_N_mm", "twist_N_mm"
+        found["bending"] = {}
+        if all(isinstance(one, float) for one in stiffnesses):
+            found["bending"] = dict(zip(keys, stiffnesses, strict=True))
+    complete = all(one and one.get("weft", True) for one in found.values())
+    return found if complete else {"fabric": {"file": file}}
+
+
+def _table(law: Any) -> dict[str, Any]:
+    """Table of a law with its numbers; empty if there is none for its class."""
+    if np.ndim(getattr(law, "stiffness", 0.0)):
+        return {}
+    for table in {*get_args(TensionLaw), *get_args(ShearLaw)}:
+        if table.keys and type(law) is table.implementation():
+            return tables_of(table.of(law))
+    return {}

@@ -1,0 +1,1 @@
+"""Laws of published fabrics, fitted to their measurements, for the catalogue."""

@@ -1,0 +1,1 @@
+"""Predictions of published measurements, with laws from other tests."""
