@@ -33,6 +33,18 @@ _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 _ROWS = "rows of load factor and value, linear between them"
 
 
+class _Compaction(DeclaredTable, tag_field="law"):
+    """Law of compaction of a ply."""
+
+
+if TYPE_CHECKING:
+    CompactionTable: TypeAlias = _Compaction
+else:
+    CompactionTable = table_of(declared.Compaction, _Compaction) | table_of(
+        declared.MeasuredCompaction, _Compaction
+    )
+
+
 class ToolTable(DeclaredTable, tag_field="surface"):
     """Rigid tool that a ply in space cannot penetrate, or a holder.
 
@@ -78,6 +90,15 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             "does not touch the ply"
         ),
     ] = None
+    friction: Annotated[
+        Amount, about(f"coefficient of Coulomb friction with the ply; or {_ROWS}")
+    ] = 0.0
+    elastic_slip_mm: Annotated[float, about("slip up to which friction is elastic")] = (
+        0.02
+    )
+    exact_stick: Annotated[
+        bool, about("true: the ply does not slip before it slides")
+    ] = False
     gap_mm: Annotated[
         Amount | None,
         about(
@@ -87,6 +108,17 @@ class ToolTable(DeclaredTable, tag_field="surface"):
     pressure_N_per_mm2: Annotated[
         Amount | None,
         about(f"for a holder: pressure towards the surface; or {_ROWS}"),
+    ] = None
+    force_N: Annotated[
+        Amount | None,
+        about(
+            "for a rigid holder: force on the computed part of the ply towards the "
+            f"surface; or {_ROWS}"
+        ),
+    ] = None
+    compaction: Annotated[
+        CompactionTable | None,
+        about("law of compaction of the ply under this force"),
     ] = None
 
     def build(self, what: str, axes: "Axes") -> "Tool | Holder":
@@ -121,14 +153,20 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             "side": self.side,
             "thickness": self.thickness_mm,
             "outline": outline,
+            "friction": _amount(f"{what}.friction", self.friction),
+            "elastic_slip": self.elastic_slip_mm,
+            "exact_stick": self.exact_stick,
             "name": self.name or what,
             "stated": axes.of_tool,
         }
-        if self.gap_mm is None and self.pressure_N_per_mm2 is None:
-            return Tool(**common)
-        gap = _amount(f"{what}.gap_mm", self.gap_mm)
-        pressure = _amount(f"{what}.pressure_N_per_mm2", self.pressure_N_per_mm2)
-        return Holder(**common, gap=gap, pressure=pressure)
+        given: dict[str, Any] = {
+            key.partition("_")[0]: _amount(f"{what}.{key}", amount)
+            for key in ("gap_mm", "pressure_N_per_mm2", "force_N")
+            if (amount := getattr(self, key)) is not None
+        }
+        if self.compaction:
+            given["compaction"] = self.compaction.construct()
+        return Holder(**common, **given) if given else Tool(**common)
 
     def surface_in(self, axes: "Axes") -> "Surface":
         """Build the surface in the axes of the ply, which are parallel."""

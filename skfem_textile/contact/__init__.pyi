@@ -16,6 +16,10 @@ from .figures import (
     travel as travel,
     travels as travels,
 )
+from .compaction import (
+    Compaction as Compaction,
+    MeasuredCompaction as MeasuredCompaction,
+)
 from .holder import (
     contacts as contacts,
     pressing as pressing,

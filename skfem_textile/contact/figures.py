@@ -155,8 +155,9 @@ def tool_history(result: Result) -> dict[str, ndarray]:
 
     ``NAME_travel_mm``, see `travels`; ``NAME_rotation_deg``, if the tool turns, the
     angle from its initial position; ``NAME_force_N``, see `tool_forces`;
-    ``NAME_nodes_in_contact``, the number of nodes on which the tool presses; and
-    ``NAME_max_pressure_N_per_mm2``, the largest `tool_pressure`.
+    ``NAME_nodes_in_contact``, the number of nodes on which the tool presses;
+    ``NAME_max_pressure_N_per_mm2``, the largest `tool_pressure`; and, for a holder with
+    a force, ``NAME_distance_mm``, its distance from the surface.
 
     Parameters
     ----------
@@ -185,6 +186,9 @@ def tool_history(result: Result) -> dict[str, ndarray]:
             f"{tool.name}_nodes_in_contact": np.array(touched),
             f"{tool.name}_max_pressure_N_per_mm2": np.array(pressure),
         }
+        if "distance" in states[-1].parameters[tool.name]:
+            distance = [state.parameters[tool.name]["distance"] for state in states]
+            columns[f"{tool.name}_distance_mm"] = np.array(distance)
     return columns
 
 

@@ -3,18 +3,23 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
+from ..fabric.kinematics import area_ratio, deformation_gradient
+from ..mesh.bases import displacement_gradient
 from ..mesh.user_input import call_user_function, real_numbers
 from ..ply import Ply
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..solve.on_surface import CheckedSurface
-from .obstacle import ContactPoints, Obstacle, ToolContact, ToolTerm, turned
+from .obstacle import Obstacle, ToolContact, ToolTerm, turned
 from .outline import shares_inside
+
+if TYPE_CHECKING:
+    from .compaction import RigidHolder
 
 # Number of load factors at which a gap or pressure is validated before a run: every
 # 2.5 % of it.
@@ -24,30 +29,57 @@ _CHECKED = 41
 Amount: TypeAlias = float | Callable[[float], float]
 
 
-class _PressedAreas(TermParameters):
-    """Pressed area of each node over ‖∇φ‖, 0 at nodes out of reach of the surface.
+class _Pressed(TermParameters):
+    """Areas and pressures of the nodes under a holder.
 
-    An element contributes the integrals of its shape functions, times the share of its
+    ``areas`` are undeformed areas over ‖∇φ‖, 0 at nodes out of reach of the surface. An
+    element contributes the integrals of its shape functions, times the share of its
     undeformed area that is within the outline at its present position.
+
+    With a force ``pressures`` are those on the undeformed areas in N/mm², and
+    ``distance`` is H in mm, see `Holder`.
     """
 
     def __init__(
-        self, obstacle: Obstacle, basis: CellBasis, points: ContactPoints
+        self, term: "HolderPressure", obstacle: Obstacle, basis: CellBasis
     ) -> None:
-        self._outline, self._points = obstacle.outline, points
+        self._term, self._points = term, term._points
+        self._outline = obstacle.outline
         self._obstacle = replace(obstacle, outline=None)
         self._mesh, self._nodes = basis.mesh, basis.element_dofs[::3] // 3
-        shapes = [np.asarray(basis.basis[i][0])[0] for i in range(0, basis.Nbfun, 3)]
-        self._integrals = np.array([(N * basis.dx).sum(axis=-1) for N in shapes])
+        every = (np.asarray(basis.basis[i][0])[0] for i in range(0, basis.Nbfun, 3))
+        self._basis, self._shapes = basis, np.array([*every])
+        self._integrals = (self._shapes * basis.dx).sum(axis=-1)
 
     def at_rest(self) -> Values:
         """Values before the run."""
-        return self.updated(NO_VALUES, np.zeros(self._obstacle.X.size), 0.0)
+        values = self._term.values_at_rest({})
+        return self.updated(values, np.zeros(self._obstacle.X.size), 0.0)
 
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
         """Values at a displacement."""
+        term, (areas, slopes) = self._term, self._areas(u, t)
+        after: dict[str, Any] = {**values, "areas": areas * (1 / slopes)}
+        if term.rigid:
+            weight = self._weight(u)
+            pressures, distance = term.rigid.pressed(t, areas / weight, weight)
+            after |= {"pressures": pressures / weight, "distance": np.array(distance)}
+        values = Values(after)
+        if term.friction:
+            normals = self._obstacle.gaps(self._points.in_planes(u), t).normal
+            state = u, t, normals, term.forces(u, t, values)
+            values = term.friction.updated(values, *state)
+        return values
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """See `Friction.advanced`."""
+        friction = self._term.friction
+        return friction.advanced(values, u, t) if friction else values
+
+    def _areas(self, u: ndarray, t: float) -> tuple[ndarray, ndarray]:
+        """Undeformed area of each node under the holder, and ‖∇φ‖ there."""
         obstacle, areas = self._obstacle, self._integrals
         x = obstacle.X + u.reshape(-1, 3).T
         if self._outline is not None:
@@ -55,42 +87,69 @@ class _PressedAreas(TermParameters):
             local = rotation.T @ (x - translation[:, None])
             corners = local[:2, : self._mesh.nvertices]
             areas = areas * shares_inside(self._outline, self._mesh, corners)
-        areas = np.bincount(self._nodes.ravel(), areas.ravel(), x.shape[1])
+        areas, slopes = self._summed(areas), np.ones(x.shape[1])
         nodes = np.flatnonzero(areas)
         at = obstacle.gaps(self._points.positions(u)[:, nodes], t)
-        areas[nodes] *= np.isfinite(at.gap) / at.slope
-        return Values({"areas": areas})
+        areas[nodes] *= np.isfinite(at.gap)
+        slopes[nodes] = at.slope
+        return areas, slopes
+
+    def _weight(self, u: ndarray) -> ndarray:
+        """Undeformed over current area at each node: its relative areal weight."""
+        ratios = area_ratio(deformation_gradient(displacement_gradient(self._basis, u)))
+        current = (self._shapes * ratios * self._basis.dx).sum(axis=-1)
+        return self._summed(self._integrals) / self._summed(current)
+
+    def _summed(self, of_elements: ndarray) -> ndarray:
+        """Sums over the elements of each node."""
+        n_nodes = self._obstacle.X.shape[1]
+        return np.bincount(self._nodes.ravel(), of_elements.ravel(), n_nodes)
 
 
 class HolderPressure(ToolTerm):
-    """Uniform pressure of a holder towards a surface; see `Holder`.
+    """Pressure of a holder towards a surface; see `Holder`.
 
     The energy is Σ p A φ/‖∇φ‖ over the contact points of the nodes, with the areas A of
     the nodes under the holder.
+
+    Parameters
+    ----------
+    name, obstacle, basis
+        See `ToolTerm`.
+    pressure
+        The pressure as a function of the load factor; or a `RigidHolder` with a force.
+
+    Attributes
+    ----------
+    rigid
+        The latter, or None.
     """
 
     def __init__(
         self,
         name: str,
-        pressure: Callable[[float], float],
+        pressure: "Callable[[float], float] | RigidHolder",
         obstacle: Obstacle,
         basis: CellBasis,
     ) -> None:
         super().__init__(name, obstacle, basis)
-        self._pressure = pressure
+        self._pressure: Any = pressure
+        self.rigid: Any = None if callable(pressure) else pressure
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
-        self.parameters = self._pressed_areas = _PressedAreas(
-            *(obstacle, basis, self._points)
-        )
+        self.parameters = self._pressed_areas = _Pressed(self, obstacle, basis)
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
         _, factors, _, local = self._nodes_under(u, t, p)
-        return float(factors @ self._surface.level(local))
+        of_friction = self.friction.energy(u, t, p) if self.friction else 0.0
+        return float(factors @ self._surface.level(local)) + of_friction
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Forces towards the surface."""
-        return self._points.nodal(self._on_points(u, t, p))
+        f = self._on_points(u, t, p)
+        if self.friction:
+            f = f + self.friction.forces(u, t, p)
+        return self._points.nodal(f)
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Their derivative, see `Pattern.sum`."""
@@ -98,6 +157,8 @@ class HolderPressure(ToolTerm):
         K = np.zeros((3, 3, self.nodes.shape[1]))
         H = factors * self._surface.hessian(local)
         K[..., nodes] = turned(rotation, H)
+        if self.friction:
+            K += self._points.along_planes(self.friction.stiffness(u, t, p))
         return self._points.matrices(K)
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
@@ -120,31 +181,42 @@ class HolderPressure(ToolTerm):
     ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
         """Nodes under the holder, factors of φ, rotation, and nodes in its axes."""
         obstacle, nodes = self._obstacle, np.flatnonzero(p["areas"])
-        factors = obstacle.side * self._pressure(t) * p["areas"][nodes]
+        pressure: Any = p["pressures"][nodes] if self.rigid else self._pressure(t)
+        factors = obstacle.side * pressure * p["areas"][nodes]
         rotation, translation = obstacle.placement(t)
         x = self._points.positions(u)[:, nodes]
         return nodes, factors, rotation, rotation.T @ (x - translation[:, None])
 
 
 def function_of(
-    what: str, amount: Amount | None, least: float, unit: str
+    what: str, amount: Amount | None, least: float, unit: str, most: float = np.inf
 ) -> Callable[[float], float]:
     """Function of the load factor, validated at each of its values."""
-    at = partial(_amount_at, what, amount, least, unit)
+    at = partial(_amount_at, what, amount, (least, most), unit)
     for t in np.linspace(0.0, 1.0, _CHECKED):
         at(float(t))
     return at
 
 
 def _amount_at(
-    what: str, amount: Amount | None, least: float, unit: str, t: float
+    what: str,
+    amount: Amount | None,
+    between: tuple[float, float],
+    unit: str,
+    t: float,
 ) -> float:
-    value = call_user_function(what, amount, t) if callable(amount) else amount
+    (least, most), value = between, amount
+    if callable(amount):
+        value = call_user_function(what, amount, t)
     number = real_numbers(what, value)
-    if number.shape or not least <= number < np.inf:
+    if number.shape or not (np.isfinite(number) and least <= number <= most):
+        size = (
+            f"of at least {least:g}"
+            if most == np.inf
+            else f"from {least:g} to {most:g}"
+        )
         raise ValueError(
-            f"{what} must be a number of at least {least:g} {unit}, got {value!r} "
-            f"at load factor {t:g}"
+            f"{what} must be a number {size}{unit}, got {value!r} at load factor {t:g}"
         )
     return float(number)
 

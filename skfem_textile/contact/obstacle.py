@@ -371,9 +371,9 @@ class ContactPoints:
         The normals of a symmetric tool lie in the plane, so that its forces on these
         points are those on the ``positions``.
         """
-        x, rest = self.positions(u), self._X + u.reshape(-1, 3).T
+        x = self.positions(u)
         for nodes, N in self._mirrors:
-            off = N @ (x - rest)[:2, nodes]
+            off = N @ (x - self._X)[:2, nodes]
             x[:2, nodes] -= np.outer(N, off)
         return x
 
@@ -420,15 +420,33 @@ class ToolTerm(ElementTerm):
     """
 
     role = "load"
+    friction: Any = None
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
         self.name, self._obstacle = name, obstacle
         self._points = ContactPoints(obstacle.X, basis)
         self.nodes = self._points.nodes
 
+    def with_friction(self, *options: Any) -> None:
+        """Add Coulomb friction.
+
+        The options are coefficient, elastic slip and exact stick of `Friction`.
+        """
+        from .friction import Friction
+
+        coefficient, slip, exact_stick = options
+        place, at = self._obstacle.placement, self._points.in_planes
+        self.friction = Friction(coefficient, slip, place, at, exact_stick)
+
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Normal forces on the contact points in N, shape (n_nodes,)."""
         raise NotImplementedError
+
+    def values_at_rest(self, values: dict[str, Any]) -> Values:
+        """Values of the term and, with friction, of it."""
+        if self.friction:
+            values |= self.friction.at_rest(np.zeros(self._obstacle.X.size))
+        return Values(values)
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
         """Derivative of the residual with the parameters held fixed."""
@@ -458,15 +476,24 @@ class _ContactForces(TermParameters):
 
     def at_rest(self) -> Values:
         """No contact."""
-        zero = np.zeros(self._contact.areas.size)
-        return Values({"force": zero, "stiffness": zero})
+        contact, zero = self._contact, np.zeros(self._contact.areas.size)
+        return contact.values_at_rest({"force": zero, "stiffness": zero})
 
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
         """Multipliers max(λ − κ g, 0)."""
-        force = self._contact.forces(u, t, values)
-        return Values({**values, "force": force})
+        contact = self._contact
+        after = Values({**values, "force": contact.forces(u, t, values)})
+        if contact.friction:
+            state = u, t, contact.normals(u, t), after["force"]
+            after = contact.friction.updated(after, *state)
+        return after
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """See `Friction.advanced`."""
+        friction = self._contact.friction
+        return friction.advanced(values, u, t) if friction else values
 
 
 class ToolContact(ToolTerm, ContactTerm):
@@ -532,11 +559,13 @@ class ToolContact(ToolTerm, ContactTerm):
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Σ (max(λ − κ g, 0)² − λ²)/2κ."""
+        of_friction = self.friction.energy(u, t, p) if self.friction else 0.0
         kappa = p["stiffness"]
         if not kappa.any():
-            return 0.0
+            return of_friction
         force = self.forces(u, t, p)
-        return float(((force**2 - p["force"] ** 2) / (2 * kappa)).sum())
+        squares = (force**2 - p["force"] ** 2) / (2 * kappa)
+        return float(squares.sum()) + of_friction
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """−max(λ − κ g, 0) ∇g."""
@@ -546,18 +575,22 @@ class ToolContact(ToolTerm, ContactTerm):
             nodes = np.flatnonzero(force)
             normal, _ = self._obstacle.derivatives(self._at(u, t), nodes, t)
             f[nodes] = -(force[nodes] * normal).T
+        if self.friction:
+            f += self.friction.forces(u, t, p)
         return self._points.nodal(f)
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
         """κ ∇g∇gᵀ − λ∇²g of the points that touch, see `Pattern.sum`."""
         kappa = p["stiffness"]
-        if not kappa.any():
+        if not (kappa.any() or self.friction):
             return None
         force = self.forces(u, t, p)
         K = np.zeros((3, 3, len(force)))
+        if self.friction:
+            K += self.friction.stiffness(u, t, p)
         if (nodes := np.flatnonzero(force)).size:
             normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
-            K[..., nodes] = kappa[nodes] * normal[:, None] * normal
+            K[..., nodes] += kappa[nodes] * normal[:, None] * normal
             K[..., nodes] -= p["force"][nodes] * H
         return self._points.matrices(self._points.along_planes(K))
 

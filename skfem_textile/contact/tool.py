@@ -3,19 +3,23 @@
 `Tool` and `Holder` are declarations; `obstacle` and `holder` contain their terms.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis
 
-from ..mesh.user_input import keep_copies
+from ..mesh.user_input import keep_copies, real_numbers
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import Amount, HolderPressure, function_of
-from .obstacle import Motion, Obstacle, ToolContact, no_reach
+from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
+
+if TYPE_CHECKING:
+    from .compaction import CompactionLaw, RigidHolder
 
 
 class FormingContact(ToolContact):
@@ -58,6 +62,13 @@ class Tool:
     outline
         Corners of a polygon in mm, shape (2, n), in the x-y plane of the surface: nodes
         outside do not touch the tool.  None for no outline.
+    friction
+        Coefficient μ of Coulomb friction with the ply, from 0 to 2; or a function of
+        the load factor.
+    elastic_slip
+        Slip in mm up to which friction is elastic, before the ply slides.
+    exact_stick
+        True if the ply does not slip before it slides; it takes more linear solves.
     name
         Name of the term, of the force of the tool, and of its travel.
     stated
@@ -85,6 +96,9 @@ class Tool:
     side: int | None = None
     thickness: float = 0.0
     outline: ArrayLike | None = None
+    friction: Amount = 0.0
+    elastic_slip: float = 0.02
+    exact_stick: bool = False
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -101,7 +115,8 @@ class Tool:
             undeformed ply, or another argument is not valid.
         """
         obstacle = Obstacle.of(self, basis)
-        return FormingContact(self.name, obstacle, basis)
+        term = FormingContact(self.name, obstacle, basis)
+        return _with_friction(obstacle.what, self, term)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,9 +133,15 @@ class Holder:
         Distance in mm between holder and surface; or a function of the load factor.
     pressure
         Pressure in N/mm² of undeformed area towards the surface, uniform over the part
-        of the ply within the outline; or a function of the load factor.  Either a gap
-        or a pressure is given.
-    motion, side, thickness, outline, name, stated
+        of the ply within the outline; or a function of the load factor.  A gap, a
+        pressure or a force is given.
+    force
+        Force in N of a rigid holder towards the surface, on the computed part of the
+        ply within the outline; or a function of the load factor.  The pressure follows
+        from the thickness of the ply under the holder.
+    compaction
+        Law of compaction of the ply under a force, such as `Compaction`.
+    motion, side, thickness, outline, friction, elastic_slip, exact_stick, name, stated
         See `Tool`.
 
     Examples
@@ -139,10 +160,15 @@ class Holder:
     surface: Surface
     gap: Amount | None = None
     pressure: Amount | None = None
+    force: Amount | None = None
+    compaction: "CompactionLaw | None" = None
     motion: Motion | None = None
     side: int | None = None
     thickness: float = 0.0
     outline: ArrayLike | None = None
+    friction: Amount = 0.0
+    elastic_slip: float = 0.02
+    exact_stick: bool = False
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -159,19 +185,52 @@ class Holder:
             is negative, or no part of the ply is within the outline.
         """
         what = f"holder {self.name!r}"
-        if (self.gap is None) == (self.pressure is None):
-            raise ValueError(f"{what}: specify either a gap or a pressure")
+        given = self.gap, self.pressure, self.force
+        if sum(one is not None for one in given) != 1:
+            raise ValueError(f"{what}: specify either a gap, a pressure or a force")
+        if (self.force is None) != (self.compaction is None):
+            raise ValueError(
+                f"{what}: a force requires a law of compaction of the ply, and a law "
+                "of compaction a force"
+            )
+        term: ToolContact | HolderPressure
         if self.gap is None:
-            pressure = function_of(f"{what}: pressure", self.pressure, 0.0, "N/mm2")
             obstacle = Obstacle.of(self, basis, no_reach)
-            term: ToolContact | HolderPressure
-            term = HolderPressure(self.name, pressure, obstacle, basis)
+            term = HolderPressure(self.name, self._pressure(what), obstacle, basis)
         else:
-            reach = function_of(f"{what}: gap", self.gap, self.thickness, "mm")
+            reach = function_of(f"{what}: gap", self.gap, self.thickness, " mm")
             term = FormingContact(self.name, Obstacle.of(self, basis, reach), basis)
         if not any(term.reaches(basis.zeros(), t) for t in (0.0, 1.0)):
             raise ValueError(
                 f"{what}: no part of the undeformed ply is within its edges or "
                 "outline: check the positions and units of holder and ply"
             )
-        return term
+        return _with_friction(what, self, term)
+
+    def _pressure(self, what: str) -> "Callable[[float], float] | RigidHolder":
+        """Pressure as a function of the load factor, or the holder with a force."""
+        if self.force is None:
+            return function_of(f"{what}: pressure", self.pressure, 0.0, " N/mm2")
+        from .compaction import RigidHolder
+
+        assert self.compaction
+        force = function_of(f"{what}: force", self.force, 0.0, " N")
+        return RigidHolder(force, self.compaction)
+
+
+_Term = TypeVar("_Term", bound=ToolTerm)
+
+# Largest coefficient of friction.  A coefficient in percent is larger.
+_MOST_FRICTION = 2.0
+
+
+def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
+    """The term of a tool, with its friction if there is any."""
+    what = f"{what}: friction"
+    coefficient = function_of(what, tool.friction, 0.0, "", _MOST_FRICTION)
+    slip = float(real_numbers(f"{what}: elastic slip", tool.elastic_slip))
+    if not 0 < slip < math.inf:
+        raise ValueError(f"{what}: the elastic slip must be above 0 mm, got {slip:g}")
+    if callable(tool.friction) or tool.friction:
+        term.with_friction(coefficient, slip, tool.exact_stick)
+    return term

@@ -268,6 +268,25 @@ class Quadratic:
     )
 
 
+@declaration("contact.compaction")
+class Compaction:
+    """p = P ((t0/t)^B - 1) of the thickness t"""
+
+    thickness: float = mm("thickness t0 without pressure")
+    pressure: float = key("P", unit="N_per_mm2")
+    exponent: float = key("B")
+
+
+@declaration("contact.compaction")
+class MeasuredCompaction:
+    """a monotone curve through points"""
+
+    thickness: Sequence[float] = mm("thicknesses", kind=tuple[float, ...])
+    pressure: Sequence[float] = key(
+        "pressures, from 0", unit="N_per_mm2", kind=tuple[float, ...]
+    )
+
+
 if TYPE_CHECKING:
     Vector: TypeAlias = ArrayLike
 else:

@@ -377,6 +377,10 @@ class Formed(WithTools):
         default=0.2,
         unit="N_per_mm",
     )
+    friction: float = key(
+        "coefficient of friction between the ply and punch, die and holder",
+        default=0.0,
+    )
 
 
 _CENTRE = "centre of the ply, x and y in the axes of the tools"

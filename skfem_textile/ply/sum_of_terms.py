@@ -167,7 +167,7 @@ class SumOfTerms(FabricOnBasis):
     def energy_lost(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> dict[str, float]:
-        """Energy lost by friction of the laws up to a state in N·mm, by term.
+        """Energy lost by friction up to a state in N·mm, by term.
 
         Empty without friction.
 

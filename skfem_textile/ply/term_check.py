@@ -96,7 +96,8 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
     """Reject terms with wrong shapes, non-finite values or inconsistencies.
 
     Terms whose parameters advance with the steps may be given by rates, without an
-    energy: their energy, residual and tangent are not compared.  The message names the
+    energy: their energy, residual and tangent are not compared.  Tools with friction,
+    which has kinks, are not compared either.  The message names the
     term, the method and the defect; ``size`` is the element size in mm.
     """
     p = _at_rest(term)
@@ -134,7 +135,8 @@ def _check_near(
     K = _tangent(term, u, t, p)
     _refuse_infinite(term, where, E_low, r_low, K)
     refuse_unsymmetric(term.name, K - K.T, K)
-    if term.parameters is not None and term.parameters.depends_on_steps:
+    has_kinks = bool(getattr(term, "friction", None))
+    if has_kinks or (term.parameters and term.parameters.depends_on_steps):
         return
     noise = _ROUND_OFF * (abs(E_low) + abs(E_high))
     _compare(term, "energy", E_high - E_low, (r_low @ step, r_high @ step), noise)

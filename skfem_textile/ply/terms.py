@@ -144,10 +144,13 @@ class ContactTerm(ElementTerm):
     points
         Weights with which the nodes determine the contact point of each node, at which
         the gap is evaluated, shape (n_nodes, n_nodes); see `contact_points`.
+    friction
+        `contact.friction.Friction` of the tool, or None.
     """
 
     role = "load"
     points: csr_matrix
+    friction: Any = None
 
     @staticmethod
     def check(ply: Any, moved: bool) -> None:

@@ -142,6 +142,7 @@ def _press_tools(
     die: Surface,
     travel: float,
     gap: float,
+    friction: float,
     pressure: float | None = None,
     outline: ndarray | None = None,
     sides: tuple[int | None, int | None] = (None, None),
@@ -161,12 +162,13 @@ def _press_tools(
     flange = Plane((0.0, 0.0, 0.5 * up * gap), (0.0, 0.0, up))
     holder = Holder(flange, gap, side=-1, name="holder")
     if pressure is not None:
-        holder = Holder(die, None, pressure, None, sides[1], 0.0, outline, "holder")
-    return [
+        holder = Holder(die, pressure=pressure, side=sides[1], outline=outline)
+    tools = (
         Tool(punch, motion=(0.0, 0.0, travel), side=sides[0], name="punch"),
         Tool(die, side=sides[1], name="die"),
         holder,
-    ]
+    )
+    return [replace(tool, friction=friction) for tool in tools]
 
 
 def _at_centre(name: str, mesh: Mesh, turns: bool) -> dict[str, Condition]:
@@ -245,7 +247,7 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     hole = radius + positive_length(f"{name}: clearance", given.clearance)
     die = Die(hole, given.fillet, (-x, -y, middle))
     travel = positive_length(f"{name}: travel", given.travel)
-    tools = _press_tools(name, punch, die, travel, gap)
+    tools = _press_tools(name, punch, die, travel, gap, given.friction)
     return _whole_if_moved(name, tools, given.mesh, given)
 
 
@@ -286,7 +288,7 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
     clearance = positive_length(f"{name}: clearance", given.clearance)
     cavity = dome(height, length + clearance, width + clearance)
     die = _moved(cavity, (x, y, -height - middle))
-    tools = _press_tools(name, punch, die, travel, given.gap)
+    tools = _press_tools(name, punch, die, travel, given.gap, given.friction)
     return _whole_if_moved(name, tools, given.mesh, given)
 
 
@@ -375,7 +377,8 @@ def forming(given: declared.Forming) -> Scene:
     punch, die = punch.moved(*axes), die.moved(*axes)
     outline = None if pressure is None else _flange(die, up, flange)
     sides = _side(punch, up), _side(die, -up)
-    tools = _press_tools("forming", punch, die, travel, gap, pressure, outline, sides)
+    options = given.friction, pressure, outline, sides
+    tools = _press_tools("forming", punch, die, travel, gap, *options)
     scene = formed_ply("forming", tools, given.mesh, axes, **given.ply())
     for name, tool in ("punch", punch), ("die", die):
         refuse_extent(f"forming: the {name}", tool, scene.mesh)

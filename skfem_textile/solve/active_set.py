@@ -6,7 +6,7 @@ stiffness, because updates of the forces reduce the penetration to round-off.
 """
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy import ndarray
@@ -82,6 +82,13 @@ def without(problem: Problem, parameters: PlyParameters) -> PlyParameters:
     return Frozen({**parameters, **at_rest})
 
 
+def frictional(problem: Problem, parameters: PlyParameters) -> PlyParameters:
+    """Parameters without normal contact with tools, but with their friction."""
+    none = np.zeros_like(values(problem, parameters, "force"))
+    parameters = with_values(problem, parameters, "force", none)
+    return with_values(problem, parameters, "stiffness", none)
+
+
 def is_closed(problem: Problem, u: ndarray, parameters: PlyParameters) -> bool:
     """True if gaps and contact forces satisfy the contact conditions.
 
@@ -113,6 +120,26 @@ def resultants(
 
 
 @dataclass
+class Relaxed:
+    """Aitken's relaxation of a fixed-point iteration, with a share of at most 1.
+
+    The bound of friction follows the contact force, and this the friction: in a wedge,
+    which friction jams, both would alternate.
+    """
+
+    share: float = 1.0
+    change: ndarray | None = None
+
+    def __call__(self, before: ndarray, after: ndarray) -> ndarray:
+        """Values between those before and after an iteration."""
+        last, self.change = self.change, after - before
+        if last is not None:
+            ratio = float((self.change * last).sum() / max((last**2).sum(), TINY))
+            self.share = min(1.0, self.share / max(1.0 - ratio, TINY))
+        return before + self.share * self.change
+
+
+@dataclass
 class ActiveSet(Direction):
     """Newton direction under contact constraints with linearised gaps.
 
@@ -132,6 +159,7 @@ class ActiveSet(Direction):
     """
 
     _last_shift: float = 0.0
+    _relaxed: Relaxed = field(default_factory=Relaxed)
 
     def first(self, start: Evaluation) -> Iterate:
         """The iterate before the first increment, with a contact stiffness."""
@@ -181,9 +209,29 @@ class ActiveSet(Direction):
         u, before = problem.moved(at.u, du), values(problem, at.parameters, "force")
         moved = before + share * (increment.contact_forces - before)
         p = with_values(problem, at.parameters, "force", moved)
+        p = self._with_friction(p, at.u, u)
         at = Iterate(u, problem.residual(u, p), p, tension, increment.contact_forces)
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at
+
+    def _with_friction(
+        self, parameters: PlyParameters, u: ndarray, after: ndarray
+    ) -> PlyParameters:
+        """Parameters with the friction after an increment from u."""
+        problem, t = self.problem, self.problem.load_factor
+        changed = {
+            x.name: x.friction.predicted(parameters[x.name], u, after - u, t)
+            for x in problem.rubbing
+        }
+        tools = [x for x in problem.contacts if x.name in changed]
+        if tools:
+            before = np.array([changed[x.name]["bound"] for x in tools])
+            every = [x.friction.bound(t, changed[x.name]["force"]) for x in tools]
+            bounds = self._relaxed(before, np.array(every))
+            for x, bound in zip(tools, bounds, strict=True):
+                p, normals = changed[x.name], x.normals(after, t)
+                changed[x.name] = x.friction.bounded(p, t, normals, bound)
+        return Frozen({**parameters, **changed})
 
     def tangent(self, at: Iterate) -> None:
         """None: each increment determines it together with its active set."""
@@ -191,17 +239,19 @@ class ActiveSet(Direction):
     def _without_contact(self, at: Iterate) -> tuple[ndarray, ndarray]:
         """Nodal forces without tools, and stiffness less λ∇²g."""
         problem, (u, f, p, tension, forces, _) = self.problem, at
-        arguments = u, problem.load_factor, without(problem, p), tension
+        t, rest = problem.load_factor, frictional(problem, p)
+        arguments = u, t, rest, tension
         K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
         for tool, force in zip(problem.contacts, forces, strict=True):
-            f = f - tool.residual(u, problem.load_factor, p[tool.name])
+            f = f - tool.residual(u, t, p[tool.name])
+            f = f + tool.residual(u, t, rest[tool.name])
             K = problem.curved(u, K, tool, force)
         return f, K
 
     def _projected(self, at: Iterate) -> ndarray:
         """Stiffness without tools and compressive tensions, of projected elements."""
         assert at.tension is not None  # `first` sets it
-        problem, p = self.problem, without(self.problem, at.parameters)
+        problem, p = self.problem, frictional(self.problem, at.parameters)
         arguments = at.u, problem.load_factor, p, np.maximum(at.tension, 0.0), True
         return problem.clock.time("assembly", problem.ply.stiffness, *arguments)
 

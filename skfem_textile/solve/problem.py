@@ -132,8 +132,9 @@ class Problem:
         True if there are loads, or a term with a ``line_search``, respectively.
     moves
         True if supports, surfaces or tools move after the load factor 0.
-    contacts, balancing
-        Terms of contact with tools, and self-balancing loads.
+    contacts, rubbing, balancing
+        Terms of contact with tools, tools and holders with friction, and self-balancing
+        loads.
     release
         Conditions that end during a run; None if there are none.
     remaining
@@ -171,6 +172,7 @@ class Problem:
         self.balancing = [term for term in ply.terms if term.balances]
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
+        self.rubbing: list[Any] = [x for x in ply.terms if getattr(x, "friction", None)]
         for tool in self.contacts:
             if tool.name in constraints.nodes:
                 raise ValueError(

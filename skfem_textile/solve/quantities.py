@@ -122,7 +122,7 @@ IN_PLANE, IN_SPACE = (
     for key in ("max_shear_angle_deg", "recovered_max_shear_angle_deg")
 )
 
-#: Energy lost by friction of the laws.
+#: Energy lost by friction of laws and tools.
 LOST = Quantity("Energy lost", "energy_lost", "N·mm")
 
 #: Quantities of every ply that follow.

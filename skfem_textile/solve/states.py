@@ -190,8 +190,8 @@ class State:
     warnings
         Messages of the checks of `CHECKS` that failed but only warn, by name.
     energy_lost
-        Energy lost by friction of the laws so far in N·mm, by term; empty without
-        `WithFriction`.
+        Energy lost by friction so far in N·mm, by term: of laws (`WithFriction`) and
+        of tools with friction.
     """
 
     load_factor: float

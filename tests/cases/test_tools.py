@@ -42,6 +42,34 @@ def tables(*tools, scene=SCENE, **others):
     return {"scene": scene, "mesh": {"size": [3, 3]}, "tools": [*tools], **others}
 
 
+def test_tools_of_a_case_have_friction_and_a_force():
+    rubbing = DIE | {"friction": [[0, 0.1], [1, 0.3]], "elastic_slip_mm": 0.05}
+    law = {"law": "compaction", "thickness_mm": 0.3, "exponent": 8.0}
+    rigid = {k: x for k, x in HOLDER.items() if k != "gap_mm"} | {
+        "force_N": [[0, 0], [1, 4]],
+        "compaction": law | {"pressure_N_per_mm2": 1e-3},
+    }
+    case = case_from_tables(tables(PUNCH, rubbing, rigid))
+    punch, die, holder = case.scene.tools
+    assert punch.friction == 0.0
+    assert (die.friction(0.5), die.elastic_slip) == (pytest.approx(0.2), 0.05)
+    assert holder.force(0.5) == pytest.approx(2.0)
+    assert holder.compaction.pressure_at(0.15) == pytest.approx(0.255)
+    measured = {
+        "law": "measured-compaction",
+        "thickness_mm": [0.3, 0.2],
+        "pressure_N_per_mm2": [0, 0.1],
+    }
+    case = case_from_tables(tables(PUNCH, DIE, rigid | {"compaction": measured}))
+    assert case.scene.tools[2].compaction.free == 0.3
+
+
+def test_the_tools_of_a_scene_have_its_friction():
+    scene = {"name": "hemisphere_forming", "friction": 0.25}
+    case = case_from_tables({"scene": scene})
+    assert [tool.friction for tool in case.scene.tools] == [0.25] * 3
+
+
 def test_tools_of_a_case_move_with_the_load_factor():
     few = {"mesh": {"size": [2, 2]}, "stepping": {"steps": 2}}
     case = case_from_tables(tables(PUNCH, DIE, HOLDER, **few))

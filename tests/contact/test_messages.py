@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Holder, LoadStepper, MeshError, Ply, Tool, drape
+from skfem_textile import (
+    Fabric,
+    Holder,
+    LoadStepper,
+    MeshError,
+    Ply,
+    Tool,
+    contact,
+    drape,
+)
 from skfem_textile.cases import case_from_tables
 from skfem_textile.drape import TriangleMesh
 from skfem_textile.io import read_surface
@@ -33,6 +42,28 @@ def refused(call, message, kind=ValueError):
     with pytest.raises(kind, match=message) as error:
         call()
     assert "\n" not in str(error.value)
+
+
+LAW = contact.Compaction(0.3, 1e-3, 8.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: contact.Compaction(0.3, 1e-3, 0.0), "compaction: exponent must be"),
+        (
+            lambda: contact.MeasuredCompaction((0.2, 0.3), (0.0, 1.0)),
+            "decreasing thicknesses",
+        ),
+        (
+            lambda: contact.MeasuredCompaction((0.3, 0.2), (0.1, 1.0)),
+            "increase from 0 N/mm2",
+        ),
+        (lambda: contact.MeasuredCompaction((0.3,), (0.0,)), "as many of both"),
+    ],
+)
+def test_invalid_laws_of_compaction(make, message):
+    refused(make, message)
 
 
 # Tools and holders of a ply
@@ -65,7 +96,39 @@ def refused(call, message, kind=ValueError):
             lambda: Tool(drape.Sphere(9.0), outline=[[0, 9, np.nan], [0, 0, 9]]),
             "outline must be finite",
         ),
-        (lambda: Holder(drape.Plane(), side=1), "either a gap or a pressure"),
+        (
+            lambda: punch(friction=-0.1),
+            r"'punch': friction must be .* 0 to 2, got -0.1",
+        ),
+        (lambda: punch(friction=20), "friction must be a number from 0 to 2, got 20"),
+        (
+            lambda: punch(friction=lambda t: 3 * t),
+            r"friction must be a number from 0 to 2, got .* at load factor 0\.675",
+        ),
+        (
+            lambda: punch(friction=0.1, elastic_slip=0.0),
+            "the elastic slip must be above 0 mm, got 0",
+        ),
+        (
+            lambda: Holder(drape.Plane(), side=1),
+            "either a gap, a pressure or a force",
+        ),
+        (
+            lambda: Holder(drape.Plane(), gap=1.0, force=1.0, side=1),
+            "either a gap, a pressure or a force",
+        ),
+        (
+            lambda: Holder(drape.Plane(), force=1.0, side=1),
+            "a force requires a law of compaction",
+        ),
+        (
+            lambda: Holder(drape.Plane(), pressure=1.0, compaction=LAW, side=1),
+            "a law of compaction a force",
+        ),
+        (
+            lambda: Holder(drape.Plane(), force=-1.0, compaction=LAW, side=1),
+            "force must be a number of at least 0 N, got -1",
+        ),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
         (
             lambda: Holder(drape.Plane(), gap=lambda t: abs(t - 0.4) - 0.1, side=1),

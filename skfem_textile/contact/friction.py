@@ -1,0 +1,171 @@
+"""Coulomb friction between a ply and its tools, as the energy of a step.
+
+A contact point slips by D over the tool since the last state: the tangential part of
+its motion in the axes of the tool.  Sliding begins after an elastic slip of the length
+ε.  With the normal n and the bound b = μN of the friction force held fixed, the force
+
+    f = b y/max(ε, |y|),   y = ε s/b + D,   D = (I − n⊗n)(Rᵀ(x − c) − X₀)
+
+is the derivative of b h(|y|), where h(y) = y²/2ε up to ε and y − ε/2 beyond: a convex
+energy.  s is the force at the last state, not above b, and X₀ the place on the tool.
+n and b are updated within an iteration; s, X₀ and the work once a step.
+
+Newton's method converges slowly at the kink between sticking and sliding.  The tangent
+therefore contains the force σ that the previous increment predicts, which is linear in
+it, as in primal-dual methods (Hintermüller & Stadler 2006):
+
+    (b I − σ⊗m)/|y|,   m = y/|y|,  if |y| > ε,   else b I/ε,
+
+with its symmetric part, which is positive semi-definite for |σ| ≤ b.
+
+With exact stick, s is a multiplier: updates within an iteration replace it by f, until
+nodes that stick do not slip.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..ply.parameters import Values
+from ..solve.direction import TINY
+
+
+class Friction:
+    """Friction of the contact points of a ply on one tool.
+
+    All vectors are in the axes of the tool, shape (3, n_nodes).  Of the values of the
+    tool's parameters it has ``bound``, b in N; ``normal``, n; ``slips_from``, X₀ in mm;
+    ``shear``, s in N; ``predicted``, σ in N; and ``work``, the work of sliding in
+    N·mm.
+
+    Parameters
+    ----------
+    coefficient
+        μ as a function of the load factor.
+    slip
+        Elastic slip ε in mm.
+    placement
+        Rotation R and translation c of the tool at a load factor.
+    positions
+        Positions x of the contact points at a displacement in mm.
+    exact_stick
+        True if nodes that stick do not slip elastically.
+    """
+
+    def __init__(
+        self,
+        coefficient: Callable[[float], float],
+        slip: float,
+        placement: Callable[[float], tuple[ndarray, ndarray]],
+        positions: Callable[[ndarray], ndarray],
+        exact_stick: bool = False,
+    ) -> None:
+        self._coefficient, self._slip, self._exact = coefficient, slip, exact_stick
+        self._placement, self._positions = placement, positions
+
+    def at_rest(self, u: ndarray) -> dict[str, Any]:
+        """Values of a ply at rest, which touches nothing."""
+        x = self._local(u, 0.0)
+        none = np.zeros_like(x)
+        return {
+            "bound": none[0],
+            "normal": none,
+            "slips_from": x,
+            "shear": none,
+            "predicted": none,
+            "work": np.zeros(()),
+        }
+
+    def bound(self, t: float, force: ndarray) -> ndarray:
+        """Bounds μN in N at normal forces, shape (n_nodes,)."""
+        return self._coefficient(t) * force
+
+    def bounded(self, p: Values, t: float, normals: ndarray, bound: ndarray) -> Values:
+        """Values with other bounds, and normals in the axes of the ply."""
+        rotation, _ = self._placement(t)
+        return Values({**p, "bound": bound, "normal": rotation.T @ normals})
+
+    def updated(
+        self, p: Values, u: ndarray, t: float, normals: ndarray, force: ndarray
+    ) -> Values:
+        """Values at a displacement, by the normals and normal forces there."""
+        after = self.bounded(p, t, normals, self.bound(t, force))
+        if self._exact:
+            after = Values({**after, "shear": self._force(u, t, after)})
+        return Values({**after, "predicted": self._force(u, t, after)})
+
+    def predicted(self, p: Values, u: ndarray, du: ndarray, t: float) -> Values:
+        """Values with the forces after an increment, to first order."""
+        y, size = self._slipped(u, t, p)
+        dy = self._tangential(self._local(u + du, t) - self._local(u, t), p)
+        slides, m = size > self._slip, y / np.maximum(size, TINY)
+        turned = np.where(slides, p["predicted"] * (m * dy).sum(axis=0), 0.0)
+        force = (p["bound"] * (y + dy) - turned) / np.maximum(size, self._slip)
+        return Values({**p, "predicted": _within(force, p["bound"])})
+
+    def advanced(self, p: Values, u: ndarray, t: float) -> Values:
+        """Values after a step, at its converged displacement."""
+        y, size = self._slipped(u, t, p)
+        force, x = self._force(u, t, p), self._local(u, t)
+        slid = y * np.maximum(1 - self._slip / np.maximum(size, TINY), 0.0)
+        if self._exact:
+            slid = self._tangential(x - p["slips_from"], p)
+        work = p["work"] + (force * slid).sum()
+        return Values({**p, "slips_from": x, "shear": force, "work": work})
+
+    def energy(self, u: ndarray, t: float, p: Values) -> float:
+        """Σ b (h(|y|) − h(|y|) at the last state), in N·mm."""
+        _, size = self._slipped(u, t, p)
+        start = np.linalg.norm(self._elastic(p), axis=0)
+        return float(p["bound"] @ (self._height(size) - self._height(start)))
+
+    def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """Derivative of the energy by the contact points in N, shape (n_nodes, 3)."""
+        return (self._placement(t)[0] @ self._force(u, t, p)).T
+
+    def stiffness(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """Its derivative with σ, in N/mm, shape (3, 3, n_nodes)."""
+        y, size = self._slipped(u, t, p)
+        slides, m = size > self._slip, y / np.maximum(size, TINY)
+        n, sigma = p["normal"], np.where(slides, _within(p["predicted"], p["bound"]), 0)
+        along = np.eye(3)[:, :, None] - n[:, None] * n
+        turned = sigma[:, None] * m
+        K = p["bound"] * along - 0.5 * (turned + turned.swapaxes(0, 1))
+        rotation, _ = self._placement(t)
+        K = K / np.maximum(size, self._slip)
+        return np.einsum("ai,ijn,bj->abn", rotation, K, rotation)
+
+    def _force(self, u: ndarray, t: float, p: Values) -> ndarray:
+        y, size = self._slipped(u, t, p)
+        return p["bound"] * y / np.maximum(size, self._slip)
+
+    def _slipped(self, u: ndarray, t: float, p: Values) -> tuple[ndarray, ndarray]:
+        """Y and its magnitude in mm."""
+        moved = self._tangential(self._local(u, t) - p["slips_from"], p)
+        y = self._elastic(p) + moved
+        return y, np.linalg.norm(y, axis=0)
+
+    def _elastic(self, p: Values) -> ndarray:
+        """Elastic slip ε s/b at the last state."""
+        shear, bound = self._tangential(p["shear"], p), p["bound"]
+        return self._slip * _within(shear, bound) / np.where(bound > 0, bound, 1.0)
+
+    def _height(self, size: ndarray) -> ndarray:
+        """H."""
+        elastic = np.minimum(size, self._slip)
+        return elastic**2 / (2 * self._slip) + size - elastic
+
+    def _local(self, u: ndarray, t: float) -> ndarray:
+        rotation, translation = self._placement(t)
+        return rotation.T @ (self._positions(u) - translation[:, None])
+
+    def _tangential(self, x: ndarray, p: Values) -> ndarray:
+        return x - p["normal"] * (p["normal"] * x).sum(axis=0)
+
+
+def _within(force: ndarray, bound: ndarray) -> ndarray:
+    """Forces, shape (3, n), shortened to the bound."""
+    size = np.linalg.norm(force, axis=0)
+    return force * np.minimum(1.0, bound / np.maximum(size, TINY))

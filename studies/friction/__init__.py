@@ -1,0 +1,1 @@
+"""Friction with tools against exact solutions, its work, and its extremes."""

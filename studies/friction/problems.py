@@ -1,0 +1,370 @@
+"""Plies that slide on tools, with exact forces where they are known."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import diags
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Holder,
+    LoadStepper,
+    MatrixTerm,
+    OnePoint,
+    Ply,
+    Result,
+    State,
+    StepError,
+    Tool,
+    Traction,
+    drape,
+    equilibrium_near,
+)
+from skfem_textile.ply.parameters import Values
+
+from ..study import Row
+
+# Checks that warn only, in strips of a few elements.
+_COARSE = "stabilisation", "deviation", "corners", "surface", "slack"
+
+
+def grid(length: float, width: float, nx: int, ny: int) -> Any:
+    """Rectangle of nx × ny elements with named sides."""
+    x, y = np.linspace(0, length, nx + 1), np.linspace(0, width, ny + 1)
+    return MeshQuad.init_tensor(x, y).with_defaults()
+
+
+def lost(result: Result) -> ndarray:
+    """Work of sliding on all tools in N·mm, shape (n_states,)."""
+    return np.array([sum(state.energy_lost.values()) for state in result.states])
+
+
+# Radius of the drum, width of the belt, in mm, and the tension of its free end in N/mm.
+_DRUM, _BELT, _FREE = 30.0, 2.0, 1.0
+
+
+@dataclass(frozen=True)
+class Belt:
+    """Belt on a drum: angle of contact in degrees, and elements along it."""
+
+    friction: float
+    wrap: int
+    elements: int
+
+    def __str__(self) -> str:
+        return f"belt, μ {self.friction:g}, {self.wrap}°, {self.elements} elements"
+
+    def rows(self) -> list[Row]:
+        """Tension over the exact tension of a polygon with the same corners."""
+        mu, wrap = self.friction, np.radians(self.wrap)
+        mesh = grid(_DRUM * wrap, _BELT, self.elements, 1)
+        drum = Tool(
+            drape.Cylinder(_DRUM, (0, 0, -_DRUM), (0, 1, 0)),
+            side=1,
+            friction=mu,
+            elastic_slip=0.01,
+            name="drum",
+        )
+        free = Traction("left", (-_FREE, 0, 0), factor=1.0)
+        fabric = Fabric(1e4, 1.0, bending=(1e-3, 1e-3))
+        ply = Ply(mesh, fabric, OnePoint(), [free, drum], dimension=3)
+        angle, y = ply.nodes[0] / _DRUM, ply.nodes[1]
+        x = np.array([_DRUM * np.sin(angle), y, _DRUM * (np.cos(angle) - 1)])
+        ahead = np.array([np.cos(wrap), 0.0, -np.sin(wrap)])
+        end = np.flatnonzero(angle > wrap - 1e-9)
+        u = drape.displacement(ply.nodes, x)
+        pulled = u.reshape(-1, 3)[end[0]] + ahead
+        conditions = {
+            "rest": Condition(np.flatnonzero(angle <= wrap - 1e-9), (None, 0.0, None)),
+            "end": Condition(end, (pulled[0], 0.0, pulled[2])),
+        }
+        at_rest = ply.parameters_at_rest
+        start = {**at_rest, "drum": Values({**at_rest["drum"], "slips_from": x})}
+        state = equilibrium_near(
+            *(ply, conditions, u), parameters=start, warn_only=("work", *_COARSE)
+        )
+        tension = ply.fibre_tension(state.u, state.parameters)[0].mean(axis=1)
+        last = float(tension[ply.mesh.p[0, ply.mesh.t].mean(axis=0).argmax()])
+        corners = ply.positions(state.u)[:, y < 1e-9]
+        exact = _FREE * _of_polygon(corners[:, np.argsort(angle[y < 1e-9])], mu)
+        return [
+            {
+                "case": str(self),
+                "force": last,
+                "exact": exact,
+                "off": last / exact - 1,
+                "solves": state.linear_solves,
+            }
+        ]
+
+
+def _of_polygon(x: ndarray, mu: float) -> float:
+    """Ratio of the tensions of the last and first side, with nodes x on the drum.
+
+    At a corner the friction is along the drum and the contact force across it.
+    """
+    out = x[:, :-1] - [[0.0], [0.0], [-_DRUM]]
+    out[1] = 0.0
+    n = out / np.linalg.norm(out, axis=0)
+    along = np.array([n[2], 0 * n[0], -n[0]])
+    before, tension = np.array([-1.0, 0.0, 0.0]), 1.0
+    for side, pulls in zip(np.diff(x, axis=1).T, (along + mu * n).T, strict=True):
+        ahead = side / np.linalg.norm(side)
+        tension *= float(-(before @ pulls) / (ahead @ pulls))
+        before = -ahead
+    return tension
+
+
+# Strip between plates: length and width in mm, fibre stiffness in N/mm, coefficients of
+# friction and pressure in N/mm².
+_LENGTH, _WIDTH, _FIBRES = 50.0, 10.0, 1e4
+_BELOW, _ABOVE, _PRESSURE = 0.2, 0.35, 0.01
+_BOUND = (_BELOW + _ABOVE) * _PRESSURE * _LENGTH * _WIDTH
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Strip between two plates that is pulled, or moved back and forth.
+
+    Attributes
+    ----------
+    cycles
+        Number of cycles with an amplitude of 2 mm; 0 for a pull of 2 mm.
+    steps
+        Number of steps.
+    slip
+        Elastic slip in mm.
+    """
+
+    cycles: int
+    steps: int
+    slip: float = 0.02
+
+    def __str__(self) -> str:
+        moved = f"{self.cycles} cycles" if self.cycles else "pull"
+        return f"strip, {moved}, {self.steps} steps, slip {self.slip:g}"
+
+    def rows(self) -> list[Row]:
+        """Force over the sum of both bounds; work of the last cycle."""
+        options: Any = {"side": 1, "elastic_slip": self.slip}
+        plate = Tool(drape.Plane(), friction=_BELOW, name="plate", **options)
+        holder = Holder(drape.Plane(), pressure=_PRESSURE, friction=_ABOVE, **options)
+        fabric = Fabric(_FIBRES, 1.0, bending=(1.0, 1.0))
+        ply = Ply(
+            grid(_LENGTH, _WIDTH, 10, 2), fabric, terms=[plate, holder], dimension=3
+        )
+        conditions = {
+            "pull": Condition(
+                "right", lambda X, t: self._path(t) + 0 * X[0], (1, 0, 0)
+            ),
+            "y": Condition("right", (None, 0.0, None)),
+        }
+        stepper = LoadStepper(ply, conditions, steps=self.steps, warn_only=_COARSE)
+        result = stepper.run()
+        x = np.array([self._path(state.load_factor) for state in result.states])
+        force = np.array([state.reactions["pull"][0] for state in result.states])
+        work = lost(result)
+        row: Row = {
+            "case": str(self),
+            "force": float(np.abs(force).max()),
+            "exact": _BOUND,
+            "off": float(np.abs(force).max()) / _BOUND - 1,
+            "solves": result.linear_solves,
+        }
+        if not self.cycles:
+            return [row]
+        last = len(x) - 1 - self.steps // self.cycles
+        elastic = self.slip + _BOUND * _LENGTH / (3 * _FIBRES * _WIDTH)
+        exact = _BOUND * (8.0 - 4 * elastic)
+        means = 0.5 * (force[last + 1 :] + force[last:-1])
+        area = float(means @ np.diff(x[last:]))
+        return [
+            {
+                **row,
+                "work": float(work[-1] - work[last]),
+                "exact_work": exact,
+                "off_work": float(work[-1] - work[last]) / exact - 1,
+                "off_area": area / exact - 1,
+            }
+        ]
+
+    def _pulled(self, X: ndarray, t: float) -> ndarray:
+        return np.full(X.shape[1], self._path(t))
+
+    def _path(self, t: float) -> float:
+        return 2 * float(np.sin(2 * np.pi * self.cycles * t)) if self.cycles else 2 * t
+
+
+class _Guide:
+    """Springs that hold a ply across its motion along x."""
+
+    def on(self, basis: Any) -> MatrixTerm:
+        stiffness = np.tile([1e-3, 1e4, 1e4], basis.N // 3)
+        return MatrixTerm("guide", diags(stiffness).tocsr())
+
+
+@dataclass(frozen=True)
+class Wedge:
+    """Guided ply that is pushed up an incline, by its slope."""
+
+    slope: float
+    friction: float = 0.2
+
+    def __str__(self) -> str:
+        return f"wedge, μ/slope {self.friction / self.slope:.2f}"
+
+    def rows(self) -> list[Row]:
+        """Contact force over the exact one, N = F/(sin a + μ cos a)."""
+        a = float(np.arctan(self.slope))
+        surface = drape.Plane((10.0, 0.0, -1e-9), (-np.sin(a), 0.0, np.cos(a)))
+        incline = Tool(
+            surface,
+            side=1,
+            friction=self.friction,
+            elastic_slip=1e-5,
+            name="incline",
+        )
+        terms: list[Any] = [_Guide(), incline, Traction("left", (1.0, 0, 0))]
+        fabric = Fabric(1e4, 10.0, bending=(10.0, 10.0))
+        ply = Ply(grid(10.0, 10.0, 2, 2), fabric, terms=terms, dimension=3)
+        held = {"y": Condition("bottom", (None, 0.0, None))}
+        stepper = LoadStepper(ply, held, steps=2, max_halvings=2)
+        try:
+            result = stepper.run()
+        except StepError as refusal:
+            return [{"case": str(self), "refused": str(refusal)}]
+        state = result.states[-1]
+        pushed = 10.0 - 1e-3 * float(state.u[::3].sum())
+        exact = pushed / (np.sin(a) + self.friction * np.cos(a))
+        force = float(state.parameters["incline"]["force"].sum())
+        return [
+            {
+                "case": str(self),
+                "force": force,
+                "exact": float(exact),
+                "off": float(force / exact - 1),
+                "solves": result.linear_solves,
+                "refused": "",
+            }
+        ]
+
+
+# Quarter of a ply of 300 mm, radius of the punch, fillet of the die, and gap, in mm.
+_HALF, _PUNCH, _FILLET, _GAP = 150.0, 75.0, 10.0, 0.3
+
+
+@dataclass(frozen=True)
+class Hemisphere:
+    """Hemisphere whose holder presses the ply on the die with 0.002 N/mm².
+
+    Attributes
+    ----------
+    parts
+        Elements across the whole ply.
+    steps
+        Number of steps.
+    friction
+        Coefficient of all tools.
+    slip
+        Elastic slip in mm.
+    """
+
+    parts: int
+    steps: int
+    friction: float = 0.2
+    slip: float = 0.02
+
+    def __str__(self) -> str:
+        return (
+            f"hemisphere, {self.parts} parts, {self.steps} steps, μ {self.friction:g}, "
+            f"slip {self.slip:g}"
+        )
+
+    def ply(self) -> Ply:
+        """Quarter of the ply between its tools."""
+        rub: Any = {"friction": self.friction, "elastic_slip": self.slip}
+        turn, hole = np.linspace(0, 2 * np.pi, 181), _PUNCH + 5 + _FILLET
+        circle = np.array([np.cos(turn), np.sin(turn)])
+        ring = np.hstack([400.0 * circle, hole * circle])
+        flange = drape.Plane((0, 0, _GAP / 2), (0, 0, 1.0))
+        punch = drape.Punch(_PUNCH, (0, 0, -_PUNCH - _GAP / 2))
+        die = drape.Die(_PUNCH + 5, _FILLET, (0, 0, _GAP / 2))
+        tools = (
+            Tool(punch, (0, 0, 75.0), name="punch", **rub),
+            Tool(die, name="die", **rub),
+            Holder(flange, pressure=0.002, side=-1, outline=ring, **rub),
+        )
+        pulls = (
+            Traction("right", (0.05, 0, 0), factor=1.0),
+            Traction("top", (0, 0.05, 0), factor=1.0),
+        )
+        mesh = grid(_HALF, _HALF, self.parts // 2, self.parts // 2)
+        fabric, ends = Fabric(1e4, 0.1, bending=(5.0, 5.0)), ("left", "bottom")
+        mirrors: Any = dict.fromkeys(ends, "mirror")
+        terms: list[Any] = [*pulls, *tools]
+        return Ply(mesh, fabric, terms=terms, dimension=3, fibre_ends=mirrors)
+
+    def stepper(self) -> LoadStepper:
+        """Its load stepper."""
+        held = {
+            "x": Condition("left", (0.0, None, None)),
+            "y": Condition("bottom", (None, 0.0, None)),
+        }
+        return LoadStepper(self.ply(), held, steps=self.steps)
+
+    def rows(self) -> list[Row]:
+        """Force, largest angle, draw-in, work of sliding and balance of energy."""
+        stepper = self.stepper()
+        result = stepper.run()
+        ply, state = result.ply, result.states[-1]
+        x, X = ply.positions(state.u), ply.nodes
+        side = np.flatnonzero((X[0] > _HALF - 1e-9) & (X[1] < 1e-9))[0]
+        corner = np.flatnonzero((X > _HALF - 1e-9).all(axis=0))[0]
+        angle = np.degrees(np.abs(ply.shear_angle(state.u, ply.centre)).max())
+        force = np.array([one.reactions["punch"][2] for one in result.states])
+        travel = np.array([75.0 * one.load_factor for one in result.states])
+        work, energy = float(np.trapezoid(force, travel)), _stored(result)
+        slid = float(lost(result)[-1])
+        return [
+            {
+                "case": str(self),
+                "force": float(force[-1]),
+                "angle": float(angle),
+                "draw_in": _HALF - float(x[0, side]),
+                "corner": float(np.hypot(*(_HALF - x[:2, corner]))),
+                "work": slid,
+                "balance": (energy + slid) / work - 1,
+                "solves": result.linear_solves,
+                "resolved": result.path_resolved,
+            }
+        ]
+
+
+def _stored(result: Result) -> float:
+    """Rise of the energy of ply and tractions in N·mm."""
+
+    def of(state: State) -> float:
+        pulled = (x for k, x in state.potentials.items() if k.startswith("traction"))
+        return sum(state.energies.values()) + sum(pulled)
+
+    return of(result.states[-1]) - of(result.states[0])
+
+
+def problems() -> Iterator[Any]:
+    """Every problem with an exact force, and the hemisphere."""
+    for mu in (0.1, 0.2, 0.3, 0.4):
+        for wrap, elements in ((30, 30), (90, 60), (180, 240)):
+            yield Belt(mu, wrap, elements)
+    yield from (Strip(0, 1), Strip(0, 20), Strip(2, 40), Strip(2, 80))
+    yield from (Strip(2, 80, 0.1), Strip(0, 20, 0.1))
+    for slope in (1.0, 0.5, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1):
+        yield Wedge(slope)
+    for parts, steps in ((12, 10), (12, 20), (12, 40), (24, 10), (24, 20), (48, 20)):
+        yield Hemisphere(parts, steps)
+    yield from (Hemisphere(24, 20, 0.2, 0.1), Hemisphere(24, 20, 0.2, 0.005))
+    yield from (Hemisphere(24, 20, 0.0), Hemisphere(48, 20, 0.0))

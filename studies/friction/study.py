@@ -1,0 +1,70 @@
+"""Forces and work of friction on belts, strips and wedges, and formed hemispheres."""
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+from ..common.tables import markdown_table
+from ..study import Part, Row, Study
+from .problems import problems
+
+
+def exact(rows: list[Row]) -> str:
+    """Forces against exact ones."""
+    return markdown_table(
+        ["problem", "force", "exact", "difference", "solves"],
+        [
+            [
+                row["case"],
+                f"{row['force']:.5f}",
+                f"{row['exact']:.5f}",
+                f"{row['off']:.1e}",
+                row["solves"],
+            ]
+            for row in rows
+            if not row.get("refused")
+        ],
+    )
+
+
+def hemispheres(rows: list[Row]) -> str:
+    """Hemispheres with and without friction."""
+    return markdown_table(
+        [
+            *("hemisphere", "punch force in N", "largest angle", "draw-in in mm"),
+            *("at the corner", "work of sliding in N·mm", "energy balance", "solves"),
+        ],
+        [
+            [
+                row["case"].removeprefix("hemisphere, "),
+                f"{row['force']:.3f}",
+                f"{row['angle']:.2f}°",
+                f"{row['draw_in']:.2f}",
+                f"{row['corner']:.2f}",
+                f"{row['work']:.1f}",
+                f"{100 * row['balance']:.2f} %",
+                row["solves"],
+            ]
+            for row in rows
+        ],
+    )
+
+
+class Friction(Study[Any]):
+    """Friction with tools: exact solutions, and a hemisphere."""
+
+    parts = (
+        Part(
+            "exact.csv", {"exact.md": exact}, cases=("belt, *", "strip, *", "wedge, *")
+        ),
+        Part(
+            "hemispheres.csv", {"hemispheres.md": hemispheres}, cases=("hemisphere*",)
+        ),
+    )
+    sample = "belt, μ 0.3, 90°, 60 elements"
+
+    def cases(self, options: argparse.Namespace) -> Sequence[Any]:
+        return [*problems()]
+
+
+STUDY = Friction()

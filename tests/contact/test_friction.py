@@ -1,0 +1,362 @@
+"""Coulomb friction of tools and holders: exact forces, work, jamming and resume."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.sparse import diags
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Holder,
+    LoadStepper,
+    MatrixTerm,
+    OnePoint,
+    Ply,
+    StepError,
+    Tool,
+    Traction,
+    drape,
+    equilibrium_near,
+)
+from skfem_textile.contact import Compaction, MeasuredCompaction, tool_history
+from skfem_textile.contact.compaction import RigidHolder
+from skfem_textile.ply.parameters import Values
+
+PLANE = drape.Plane((0.0, 0.0, 0.0))
+
+
+def grid(length, width, nx, ny):
+    x, y = np.linspace(0, length, nx + 1), np.linspace(0, width, ny + 1)
+    return MeshQuad.init_tensor(x, y).with_defaults()
+
+
+# A belt on a drum
+
+
+def wrapped(mu, wrap, n, radius=30.0):
+    """Ply, state and angle between neighbours of a belt pulled over a drum."""
+    mesh = grid(radius * wrap, 2.0, n, 1)
+    drum = drape.Cylinder(radius, (0, 0, -radius), (0, 1, 0))
+    tool = Tool(drum, side=1, friction=mu, elastic_slip=0.01, name="drum")
+    terms = [Traction("left", (-1.0, 0, 0), factor=1.0), tool]
+    fabric = Fabric(1e4, 1.0, bending=(1e-3, 1e-3))
+    ply = Ply(mesh, fabric, OnePoint(), terms, dimension=3)
+    angle, y = ply.nodes[0] / radius, ply.nodes[1]
+    x = np.array([radius * np.sin(angle), y, radius * (np.cos(angle) - 1)])
+    ahead = np.array([np.cos(wrap), 0.0, -np.sin(wrap)])
+    end = np.flatnonzero(ply.nodes[0] > radius * wrap - 1e-9)
+    rest = np.setdiff1d(np.arange(len(y)), end)
+    u = drape.displacement(ply.nodes, x)
+    pulled = u.reshape(-1, 3)[end[0]] + ahead
+    conditions = {
+        "rest": Condition(rest, (None, 0.0, None)),
+        "end": Condition(end, (pulled[0], 0.0, pulled[2])),
+    }
+    at_rest = ply.parameters_at_rest
+    on_drum = Values({**at_rest["drum"], "slips_from": x})
+    checks = ("work", "stabilisation", "deviation", "corners", "surface", "slack")
+    start = {**at_rest, "drum": on_drum}
+    state = equilibrium_near(ply, conditions, u, parameters=start, warn_only=checks)
+    return ply, state
+
+
+@pytest.mark.parametrize(
+    ("mu", "wrap", "n"), [(0.1, 30, 30), (0.3, 90, 60), (0.4, 180, 120)]
+)
+def test_a_belt_on_a_drum_is_a_polygon_with_friction_at_its_corners(mu, wrap, n):
+    """Its tension grows by (1 + μ tan δ/2)/(1 − μ tan δ/2) at a corner of the angle δ.
+
+    The first corner has half an element of the drum on one side only: its friction is
+    not along the bisector, but along the drum.
+    """
+    ply, state = wrapped(mu, np.radians(wrap), n)
+    tension = ply.fibre_tension(state.u, state.parameters)[0].mean(axis=1)
+    x = ply.positions(state.u)[:, ply.nodes[1] < 1e-9]
+    x = x[:, np.argsort(ply.nodes[0][ply.nodes[1] < 1e-9])]
+    out = x[:, :-1] - [[0.0], [0.0], [-30.0]]
+    out[1] = 0.0
+    n = out / np.linalg.norm(out, axis=0)
+    along = np.array([n[2], 0 * n[0], -n[0]])
+    before, expected = np.array([-1.0, 0.0, 0.0]), 1.0
+    for i, segment in enumerate(np.diff(x, axis=1).T):
+        ahead = segment / np.linalg.norm(segment)
+        pulls = along[:, i] + mu * n[:, i]
+        expected *= -(before @ pulls) / (ahead @ pulls)
+        before = -ahead
+    last = tension[ply.mesh.p[0, ply.mesh.t].mean(axis=0).argmax()]
+    assert last == pytest.approx(expected, rel=5e-4)
+
+
+# A strip between two plates
+
+
+@cache
+def between_plates(amplitude, cycles, steps, slip=0.02):
+    """Strip that is pulled along, or back and forth, between a plate and a holder."""
+    mesh = grid(50.0, 10.0, 10, 2)
+    friction = {"side": 1, "elastic_slip": slip}
+    plate = Tool(PLANE, friction=0.2, name="plate", **friction)
+    holder = Holder(PLANE, pressure=0.01, friction=0.35, name="holder", **friction)
+    fabric = Fabric(1e4, 1.0, bending=(1.0, 1.0))
+    ply = Ply(mesh, fabric, terms=[plate, holder], dimension=3)
+
+    def path(t):
+        return amplitude * (np.sin(2 * np.pi * cycles * t) if cycles else t)
+
+    conditions = {
+        "pull": Condition(
+            "right", lambda X, t: path(t) + 0 * X[0], direction=(1, 0, 0)
+        ),
+        "y": Condition("right", (None, 0.0, None)),
+    }
+    checks = ("stabilisation", "deviation")
+    return LoadStepper(ply, conditions, steps=steps, warn_only=checks).run()
+
+
+BOUND = (0.2 + 0.35) * 0.01 * 500.0
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_a_strip_between_two_plates_is_pulled_by_the_friction_of_both(steps):
+    result = between_plates(2.0, 0, steps)
+    assert result.states[-1].reactions["pull"][0] == pytest.approx(BOUND, rel=1e-6)
+    assert result.path_resolved
+
+
+def test_the_work_of_sliding_is_that_of_the_pull_less_what_is_elastic():
+    """The bound times the path, less the elastic slip and stretch of the strip."""
+    result = between_plates(2.0, 0, 3)
+    lost = result.states[-1].energy_lost
+    elastic = 0.02 + BOUND * 50.0 / (3 * 1e4 * 10.0)
+    assert sum(lost.values()) == pytest.approx(BOUND * (2.0 - elastic), rel=1e-4)
+    assert lost["holder"] / 0.35 == pytest.approx(lost["plate"] / 0.2, rel=1e-6)
+
+
+@pytest.mark.dear("alone reverses the motion of a ply with friction")
+def test_a_loop_dissipates_its_area():
+    result = between_plates(2.0, 1, 8)
+    force = np.array([state.reactions["pull"][0] for state in result.states])
+    work = sum(result.states[-1].energy_lost.values())
+    assert np.abs(force).max() == pytest.approx(BOUND, rel=1e-6)
+    elastic = 0.02 + BOUND * 50.0 / (3 * 1e4 * 10.0)
+    # From rest to the amplitude, back to the other one, and to the middle: the start
+    # costs the elastic slip once, each return twice.
+    assert work == pytest.approx(BOUND * (8.0 - 5 * elastic), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("exact", "least", "most"), [(True, 0, 5e-4), (False, 3e-3, 1)]
+)
+def test_with_exact_stick_a_strip_does_not_slip_below_its_bound(exact, least, most):
+    """A small pull moves the strip by its elastic slip, or hardly at all."""
+    stick = {"side": 1, "friction": 0.3, "exact_stick": exact}
+    plate = Tool(PLANE, name="plate", **stick)
+    weight = Holder(PLANE, pressure=0.01, side=1, name="weight")
+    pull = Traction("right", (0.04, 0.0, 0.0))
+    mesh = grid(50.0, 10.0, 5, 1)
+    fabric = Fabric(1e6, 10.0, bending=(1.0, 1.0))
+    ply = Ply(mesh, fabric, terms=[plate, weight, pull], dimension=3)
+    held = {"y": Condition("bottom", (None, 0.0, None))}
+    state = LoadStepper(ply, held, steps=1).run().states[-1]
+    contact = next(term for term in ply.terms if term.name == "plate")
+    friction = contact.friction.forces(state.u, 1.0, state.parameters["plate"])
+    assert friction[:, 0].sum() == pytest.approx(0.4, rel=1e-6)
+    assert least <= np.abs(state.u[::3]).min() <= np.abs(state.u[::3]).max() < most
+
+
+# A holder with a force
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Compaction(0.3, 1e-3, 8.0),
+        MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03)),
+    ],
+)
+def test_a_rigid_holder_presses_with_its_force_at_the_distance_of_its_law(law):
+    """On a flat ply the pressure is the force over the area."""
+    force = 10.0
+    plate = Tool(PLANE, side=1, friction=0.2, name="plate")
+    press = {"force": force, "compaction": law, "friction": 0.35}
+    holder = Holder(PLANE, side=1, **press)
+    fabric = Fabric(1e6, 1.0, bending=(1.0, 1.0))
+    ply = Ply(grid(50.0, 10.0, 5, 1), fabric, terms=[plate, holder], dimension=3)
+    conditions = {
+        "pull": Condition("right", lambda X, t: t + 0 * X[0], direction=(1, 0, 0)),
+        "y": Condition("right", (None, 0.0, None)),
+    }
+    checks = ("stabilisation", "deviation")
+    result = LoadStepper(ply, conditions, steps=1, warn_only=checks).run()
+    state, history = result.states[-1], tool_history(result)
+    thickness = history["holder_distance_mm"][-1]
+    assert law.pressure_at(thickness) == pytest.approx(force / 500.0, rel=1e-3)
+    assert state.reactions["plate"][2] == pytest.approx(force, rel=1e-9)
+    assert state.reactions["pull"][0] == pytest.approx(0.55 * force, rel=1e-6)
+
+
+def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
+    law = Compaction(0.3, 1e-3, 8.0)
+    areas, weight = np.array([3.0, 2.0, 0.0]), np.array([1.0, 1.2, 1.0])
+    pressures, distance = RigidHolder(lambda t: 5.0 * t, law).pressed(
+        1.0, areas, weight
+    )
+    assert pressures @ areas == pytest.approx(5.0, rel=1e-12)
+    expected = law.pressure_at(distance / weight)
+    assert pressures[:2] == pytest.approx(expected[:2], rel=1e-9)
+    assert pressures[2] == 0.0
+    none = RigidHolder(lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
+    assert none.distance == pytest.approx(0.36)
+    assert not none.pressures.any()
+
+
+# A disc that turns under a ply
+
+
+def test_a_disc_that_turns_pulls_the_ply_around_with_its_bound_at_each_radius():
+    mesh = grid(20.0, 20.0, 4, 4).translated((-10.0, -10.0)).with_defaults()
+
+    def turn(t):
+        c, s = np.cos(0.2 * t), np.sin(0.2 * t)
+        return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]), np.zeros(3)
+
+    disc = Tool(PLANE, motion=turn, side=1, friction=0.3, name="disc")
+    weight = Holder(PLANE, pressure=0.01, side=1, name="weight")
+    ply = Ply(mesh, Fabric(1e5, 1e4), terms=[disc, weight], dimension=3)
+    sides = {name: Condition(name, (0, 0, None)) for name in ("left", "right")}
+    state = LoadStepper(ply, sides, steps=3).run().states[-1]
+    contact = next(term for term in ply.terms if term.name == "disc")
+    p = state.parameters["disc"]
+    f = contact.friction.forces(state.u, 1.0, p).T
+    x = contact._points.positions(state.u)
+    torque = (x[0] * f[1] - x[1] * f[0]).sum()
+    assert p["bound"].sum() == pytest.approx(0.3 * 0.01 * 400.0, rel=1e-9)
+    assert -torque == pytest.approx(p["bound"] @ np.hypot(x[0], x[1]), rel=1e-3)
+
+
+# A wedge
+
+
+@pytest.mark.parametrize("slope", [1.0, 0.25, 0.15])
+def test_a_ply_slides_up_a_wedge_however_much_friction_presses_it_there(slope):
+    """Its contact force follows from balance, also where fixed-point updates diverge.
+
+    They change the error of the bound by the factor −μ/slope.
+    """
+    mu, load = 0.2, 10.0
+    angle = np.arctan(slope)
+    normal = (-np.sin(angle), 0.0, np.cos(angle))
+    incline = Tool(
+        drape.Plane((10.0, 0.0, -1e-9), normal),
+        side=1,
+        friction=mu,
+        elastic_slip=1e-5,
+        name="incline",
+    )
+
+    class Guide:
+        def on(self, basis):
+            stiffness = np.tile([1e-3, 1e4, 1e4], basis.N // 3)
+            return MatrixTerm("guide", diags(stiffness).tocsr())
+
+    mesh = grid(10.0, 10.0, 2, 2)
+    terms = [Guide(), incline, Traction("left", (load / 10.0, 0, 0))]
+    fabric = Fabric(1e4, 10.0, bending=(10.0, 10.0))
+    ply = Ply(mesh, fabric, terms=terms, dimension=3)
+    held = {"y": Condition("bottom", (None, 0.0, None))}
+    result = LoadStepper(ply, held, steps=2).run()
+    state = result.states[-1]
+    pushed = load - 1e-3 * state.u[::3].sum()
+    expected = pushed / (np.sin(angle) + mu * np.cos(angle))
+    assert state.parameters["incline"]["force"].sum() == pytest.approx(
+        expected, rel=1e-6
+    )
+    assert result.linear_solves < 150
+
+
+# The term
+
+
+def moved_term(seed, friction=0.3):
+    """A holder and a tool that touch a ply which has slipped, with their state."""
+    rng = np.random.default_rng(seed)
+    mesh = grid(20.0, 20.0, 3, 3)
+    sphere = drape.Sphere(60.0, (10, 10, -60.0))
+    options = {"side": 1, "friction": friction, "elastic_slip": 0.05}
+    kind = [
+        Tool(sphere, motion=(0.1, 0.05, 0.2), **options),
+        Holder(sphere, pressure=0.1, **options),
+    ][seed % 2]
+    ply = Ply(mesh, Fabric(1e3, 1.0), terms=[kind], dimension=3)
+    term = ply.terms[-1]
+    n = term.nodes.shape[1]
+    values = dict(term.parameters.at_rest())
+    if "force" in values:
+        values |= {"force": rng.uniform(0, 2, n), "stiffness": np.full(n, 50.0)}
+    values["shear"] = rng.normal(0, 0.3, (3, n))
+    u = rng.normal(0, 0.1, ply.basis.N)
+    return rng, term, u, term.parameters.updated(Values(values), u, 0.7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_friction_is_the_derivative_of_its_energy_and_stays_below_its_bound(seed):
+    rng, term, u, p = moved_term(seed)
+    d = rng.normal(size=u.size)
+    h = 1e-6
+    ends = [term.energy(u + s * h * d, 0.7, p) for s in (1, -1)]
+    slope = term.residual(u, 0.7, p) @ d
+    assert (ends[0] - ends[1]) / (2 * h) == pytest.approx(slope, rel=1e-5)
+    ends = [term.friction.forces(u + s * h * d, 0.7, p) for s in (1, -1)]
+    moved = (term._points.matrix @ d.reshape(-1, 3)).T
+    K = term.friction.stiffness(u, 0.7, p)
+    change = np.einsum("ijn,jn->ni", K, moved)
+    numerical = (ends[0] - ends[1]) / (2 * h)
+    assert np.abs(numerical - change).max() < 1e-5 * np.abs(change).max()
+    force = np.linalg.norm(term.friction.forces(u, 0.7, p), axis=1)
+    assert (force <= p["bound"] * (1 + 1e-12)).all()
+    assert force.max() > 0
+
+
+def test_without_friction_a_tool_has_no_further_parameters():
+    _, term, _, p = moved_term(0, friction=0.0)
+    assert term.friction is None
+    assert set(p) - {"shear"} == {"force", "stiffness"}
+
+
+def test_a_run_with_friction_is_resumed_bit_for_bit(tmp_path):
+    class KilledError(Exception):
+        pass
+
+    def kill(state):
+        if state.load_factor > 0.4:
+            raise KilledError
+
+    def stepper(**options):
+        mesh = grid(30.0, 30.0, 3, 3)
+        tool = {"friction": 0.2}
+        punch = Tool(
+            drape.Sphere(20.0, (0, 0, -20.0)), motion=(0, 0, 6.0), name="punch", **tool
+        )
+        die = drape.Die(22.0, 3.0, (0, 0, 0.1))
+        terms = [punch, Tool(die, name="die", **tool)]
+        fabric = Fabric(1e3, 0.5, bending=(2.0, 2.0))
+        ends = {"left": "mirror", "bottom": "mirror"}
+        ply = Ply(mesh, fabric, OnePoint(), terms, dimension=3, fibre_ends=ends)
+        held = {
+            "x": Condition("left", (0.0, None, None)),
+            "y": Condition("bottom", (None, 0.0, None)),
+        }
+        return LoadStepper(ply, held, steps=2, **options)
+
+    with pytest.raises(StepError):
+        stepper(on_step=kill, checkpoint=tmp_path).run()
+    resumed = stepper(checkpoint=tmp_path).run(resume=True).states[-1]
+    whole = stepper().run().states[-1]
+    assert np.array_equal(resumed.u, whole.u)
+    for name, values in whole.parameters.items():
+        for key, value in values.items():
+            assert np.array_equal(resumed.parameters[name][key], value)
+    assert whole.parameters["punch"]["bound"].any()
