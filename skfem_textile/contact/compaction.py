@@ -7,7 +7,7 @@ the flat one.  H follows from the balance of the pressures with the force of the
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy import ndarray
@@ -17,10 +17,20 @@ from scipy.optimize import brentq
 from .. import declarations as declared
 from ..fabric.law import keep, number
 from ..mesh.user_input import real_numbers, shortened
+from ..solve.states import NoEquilibriumError
 
 _EPSILON = float(np.finfo(float).eps)
 
+# Distance of a holder relative to that without pressure below which a force is refused:
+# round-off, as a measured law has a finite pressure at a thickness of zero.
+_THINNEST = _EPSILON
 
+
+class ForceError(NoEquilibriumError, ValueError):
+    """Force that no pressure balances: ValueError before a run, failed attempt then."""
+
+
+@runtime_checkable
 class CompactionLaw(Protocol):
     """Pressure on a ply as a function of its thickness.
 
@@ -155,12 +165,15 @@ class RigidHolder:
 
     Attributes
     ----------
+    what
+        Name of the holder in messages.
     force
         Force in N as a function of the load factor.
     law
         Law of compaction.
     """
 
+    what: str
     force: Callable[[float], float]
     law: CompactionLaw
 
@@ -174,7 +187,12 @@ class RigidHolder:
         areas
             Current areas of the nodes under the holder in mm², shape (n_nodes,).
         weight
-            Their areal weights relative to the flat ply.
+            Their areal weights relative to the flat ply; any where the area is 0.
+
+        Raises
+        ------
+        ForceError
+            If the law does not reach the pressure of the force.
         """
         force, under = self.force(t), areas > 0
         far = self.law.free * float(weight[under].max(initial=0.0))
@@ -188,6 +206,17 @@ class RigidHolder:
         near = far / 2
         while excess(near) < 0:
             near /= 2
+            if near < _THINNEST * far:
+                self._refuse_force(force, float(areas[under].sum()))
         distance = brentq(excess, near, far, xtol=_EPSILON * near, rtol=4 * _EPSILON)
-        pressures = under * self.law.pressure_at(distance / weight)
+        pressures = np.zeros_like(areas)
+        pressures[under] = self.law.pressure_at(distance / weight[under])
         return Pressed(pressures * (force / float(pressures @ areas)), distance)
+
+    def _refuse_force(self, force: float, area: float) -> None:
+        """Raise the error of a force that no thickness balances."""
+        raise ForceError(
+            f"{self.what}: its force of {force:.4g} N on {area:.4g} mm2 is a pressure "
+            f"of {force / area:.3g} N/mm2, which the law of compaction does not reach",
+            advice="a smaller force, or points of the law at higher pressures",
+        )

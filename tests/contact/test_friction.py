@@ -15,6 +15,7 @@ from skfem_textile import (
     MatrixTerm,
     OnePoint,
     Ply,
+    Quadratic,
     StepError,
     Tool,
     Traction,
@@ -198,17 +199,40 @@ def test_a_rigid_holder_presses_with_its_force_at_the_distance_of_its_law(law):
     assert state.reactions["pull"][0] == pytest.approx(0.55 * force, rel=1e-6)
 
 
+@pytest.mark.parametrize("law", [Compaction, MeasuredCompaction])
+def test_a_rigid_holder_presses_on_quadratic_triangles(law):
+    """Their corners have no area and bear nothing."""
+    given = {
+        Compaction: (0.3, 1e-3, 8.0),
+        MeasuredCompaction: ((0.3, 0.25, 0.2), (0.0, 0.004, 0.03)),
+    }[law]
+    plate = Tool(PLANE, side=1, friction=0.2, name="plate")
+    holder = Holder(PLANE, side=1, force=10.0, compaction=law(*given), friction=0.35)
+    mesh, fabric = grid(50.0, 10.0, 3, 1).to_meshtri(), Fabric(1e5, 1.0)
+    terms = [plate, holder]
+    ply = Ply(mesh, fabric, Quadratic(), terms, dimension=3)
+    conditions = {
+        "pull": Condition("right", lambda X, t: t + 0 * X[0], direction=(1, 0, 0)),
+        "y": Condition("right", (None, 0.0, None)),
+    }
+    state = LoadStepper(ply, conditions, steps=1).run().states[-1]
+    assert state.reactions["plate"][2] == pytest.approx(10.0, rel=1e-9)
+    assert state.reactions["pull"][0] == pytest.approx(5.5, rel=1e-6)
+    corners = np.arange(mesh.nvertices)
+    assert not state.parameters["holder"]["pressures"][corners].any()
+
+
 def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
     law = Compaction(0.3, 1e-3, 8.0)
     areas, weight = np.array([3.0, 2.0, 0.0]), np.array([1.0, 1.2, 1.0])
-    pressures, distance = RigidHolder(lambda t: 5.0 * t, law).pressed(
+    pressures, distance = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(
         1.0, areas, weight
     )
     assert pressures @ areas == pytest.approx(5.0, rel=1e-12)
     expected = law.pressure_at(distance / weight)
     assert pressures[:2] == pytest.approx(expected[:2], rel=1e-9)
     assert pressures[2] == 0.0
-    none = RigidHolder(lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
+    none = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
     assert none.distance == pytest.approx(0.36)
     assert not none.pressures.any()
 
