@@ -110,8 +110,6 @@ class Friction:
         y, size = self._slipped(u, t, p)
         force, x = self._force(u, t, p), self._local(u, t)
         slid = y * np.maximum(1 - self._slip / np.maximum(size, TINY), 0.0)
-        if self._exact:
-            slid = self._tangential(x - p["slips_from"], p)
         work = p["work"] + (force * slid).sum()
         return Values({**p, "slips_from": x, "shear": force, "work": work})
 

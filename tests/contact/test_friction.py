@@ -24,6 +24,7 @@ from skfem_textile import (
 )
 from skfem_textile.contact import Compaction, MeasuredCompaction, tool_history
 from skfem_textile.contact.compaction import RigidHolder
+from skfem_textile.contact.friction import Friction
 from skfem_textile.ply.parameters import Values
 
 PLANE = drape.Plane((0.0, 0.0, 0.0))
@@ -166,6 +167,26 @@ def test_with_exact_stick_a_strip_does_not_slip_below_its_bound(exact, least, mo
     friction = contact.friction.forces(state.u, 1.0, state.parameters["plate"])
     assert friction[:, 0].sum() == pytest.approx(0.4, rel=1e-6)
     assert least <= np.abs(state.u[::3]).min() <= np.abs(state.u[::3]).max() < most
+
+
+def test_with_exact_stick_only_sliding_nodes_do_work():
+    """A node that sticks keeps a slip of round-off, of either sign."""
+    friction = Friction(
+        lambda t: 0.5,
+        0.05,
+        lambda t: (np.eye(3), np.zeros(3)),
+        lambda u: u.reshape(-1, 3).T,
+        exact_stick=True,
+    )
+    u = np.array([[-0.001, 0.0, 0.0], [0.2, 0.0, 0.0]])
+    values = friction.at_rest(np.zeros(6)) | {
+        "bound": np.ones(2),
+        "normal": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]),
+        "shear": np.array([[0.5, 1.0], [0.0, 0.0], [0.0, 0.0]]),
+    }
+    for slips, work in ((u, 0.2), (u * [[1], [0]], 0.0)):
+        after = friction.advanced(Values(values), slips.ravel(), 1.0)
+        assert after["work"] == pytest.approx(work, abs=1e-15)
 
 
 # A holder with a force
