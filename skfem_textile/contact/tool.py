@@ -69,7 +69,8 @@ class Tool:
     elastic_slip
         Slip in mm up to which friction is elastic, before the ply slides.
     exact_stick
-        True if the ply does not slip before it slides; it takes more linear solves.
+        True if the ply does not slip before it slides; it takes more linear solves, and
+        steps are refused if it does not converge: a small elastic slip takes less.
     name
         Name of the term, of the force of the tool, and of its travel.
     stated
