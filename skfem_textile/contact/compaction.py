@@ -187,6 +187,6 @@ class RigidHolder:
         near = far / 2
         while excess(near) < 0:
             near /= 2
-        distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=4 * EPSILON)
+        distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=8 * EPSILON)
         pressures = under * self.law.pressure_at(distance / weight)
         return Pressed(pressures * (force / float(pressures @ areas)), distance)
