@@ -121,7 +121,8 @@ class Fibres:
     def rows(self) -> list[Row]:
         """Loads with the assumed stiffness, and with other ones."""
         fabric = read_fabric(self.entry.name).fabric
-        warp, weft = (family.tension.stiffness for family in fabric.families)
+        tensions: list[Any] = [family.tension for family in fabric.families]
+        warp, weft = (tension.stiffness for tension in tensions)
         factors = 1.0, *STIFFNESSES
         force = {
             factor: Simulation((factor * warp, factor * weft), steps=8)
