@@ -139,7 +139,7 @@ class MeasuredCompaction(declared.MeasuredCompaction):
         thinnest = self.thickness[-1]
         within = np.clip(thickness, thinnest, self.free)
         beyond = float(curve(thinnest, 1)) * np.minimum(thickness - thinnest, 0.0)
-        return np.asarray(curve(within) + beyond)
+        return np.where(thickness < self.free, curve(within) + beyond, 0.0)
 
 
 class Pressed(NamedTuple):
