@@ -17,8 +17,7 @@ from scipy.optimize import brentq
 from .. import declarations as declared
 from ..fabric.law import keep, number
 from ..mesh.user_input import real_numbers, shortened
-
-_EPSILON = float(np.finfo(float).eps)
+from ..solve.problem import EPSILON
 
 
 class CompactionLaw(Protocol):
@@ -195,11 +194,11 @@ class RigidHolder:
         near = far / 2
         while excess(near) < 0:
             near /= 2
-            if near < _EPSILON * far:
+            if near < EPSILON * far:
                 raise ValueError(
                     f"compaction: the law carries less than the force {force:g} N of "
                     "the holder at any thickness: use a law without a largest pressure"
                 )
-        distance = brentq(excess, near, far, xtol=_EPSILON * near, rtol=4 * _EPSILON)
+        distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=4 * EPSILON)
         pressures = under * self.law.pressure_at(distance / weight)
         return Pressed(pressures * (force / float(pressures @ areas)), distance)
