@@ -33,9 +33,15 @@ def errors_in(place: str) -> Iterator[None]:
         raise ValueError(f"{place}{printable(error)}") from None
 
 
-def fabric_of_file(table: FabricOfFile) -> Fabric:
-    """Fabric of the file of a case, with the behaviour in compression of the case."""
-    return _compressed(_read(table).fabric, table)
+def fabric_of_file(table: FabricOfFile) -> tuple[Fabric, list[str]]:
+    """Fabric of the file of a case, with the behaviour in compression of the case.
+
+    Also what the file assumes of its stiffnesses, because it was not measured.
+    """
+    found = _read(table)
+    assumed = {} if found.origin is None else found.origin.assumed
+    stiffnesses = [assumed[x] for x in ("tension", "shear", "bending") if x in assumed]
+    return _compressed(found.fabric, table), stiffnesses
 
 
 def _read(table: FabricOfFile) -> "FabricWithOrigin":

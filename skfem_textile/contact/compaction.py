@@ -194,11 +194,11 @@ class RigidHolder:
         near = far / 2
         while excess(near) < 0:
             near /= 2
-            if near < 2 * EPSILON * far:
+            if near < EPSILON * far:
                 raise ValueError(
                     f"compaction: the law carries less than the force {force:g} N of "
                     "the holder at any thickness: use a law without a largest pressure"
                 )
-        distance = brentq(excess, near, far, xtol=2 * EPSILON * near, rtol=8 * EPSILON)
+        distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=8 * EPSILON)
         pressures = under * self.law.pressure_at(distance / weight)
         return Pressed(pressures * (force / float(pressures @ areas)), distance)

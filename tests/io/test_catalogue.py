@@ -7,6 +7,7 @@ import pytest
 
 from skfem_textile import Fabric
 from skfem_textile.calibration.measured import FAMILIES
+from skfem_textile.cases import case_from_tables
 from skfem_textile.fabric.catalogue import catalogue, file_of
 from skfem_textile.fabric.origin import Origin
 from skfem_textile.io import read_fabric, write_fabric
@@ -89,3 +90,10 @@ def test_specimens_keep_their_laws_in_a_file(tmp_path):
     path = tmp_path / "cloth.json"
     write_fabric(path, replace(fabric, warp=(1, 1), weft=(-1, 1)), origin=origin)
     assert read_fabric(path).origin == origin
+
+
+def test_a_run_states_what_its_fabric_assumes():
+    tables = {"scene": {"name": "strip"}, "fabric": {"file": "cao2008-plain-weave"}}
+    note = case_from_tables(tables).defaults
+    assert note.startswith("no tension test was published: 2000 N/mm")
+    assert "no bending stiffness" in note
