@@ -15,6 +15,7 @@ from ..fabric import (
     TensionOnly,
     TwoLaws,
 )
+from ..fabric.law import n_slips
 from ..mesh.user_input import printable
 from .schema import FabricOfFile, ShearLaw, TensionLaw, with_compression
 from .write import tables_of
@@ -73,7 +74,7 @@ def _compressed(found: Fabric, table: FabricOfFile) -> Fabric:
 
 def _law_compressed(law: Any, table: FabricOfFile) -> Any:
     """The law of a family of the file, with the behaviour in compression."""
-    if isinstance(law, Pretensioned):
+    if isinstance(law, Pretensioned) or n_slips(law):
         return replace(law, law=_law_compressed(law.law, table))
     if isinstance(law, Asymmetric | TensionOnly):
         raise ValueError(

@@ -84,7 +84,8 @@ class Compaction(declared.Compaction):
 class MeasuredCompaction(declared.MeasuredCompaction):
     """Compaction law by a monotone curve through measured points.
 
-    Thinner plies than the last one have the slope there.
+    Thinner plies than the last one have a pressure that is linear in 1/t, and thus in
+    the volume fraction of the fibres, with the slope there.
 
     Parameters
     ----------
@@ -137,7 +138,8 @@ class MeasuredCompaction(declared.MeasuredCompaction):
         curve = PchipInterpolator(self.thickness[::-1], self.pressure[::-1])
         thinnest = self.thickness[-1]
         within = np.clip(thickness, thinnest, self.free)
-        beyond = float(curve(thinnest, 1)) * np.minimum(thickness - thinnest, 0.0)
+        thinner = np.minimum(thickness - thinnest, 0.0) * (thinnest / thickness)
+        beyond = float(curve(thinnest, 1)) * thinner
         return np.where(thickness < self.free, curve(within) + beyond, 0.0)
 
 
@@ -174,6 +176,11 @@ class RigidHolder:
             Current areas of the nodes under the holder in mm², shape (n_nodes,).
         weight
             Their areal weights relative to the flat ply.
+
+        Raises
+        ------
+        ValueError
+            If the law carries less than the force at any thickness.
         """
         force, under = self.force(t), areas > 0
         far = self.law.free * float(weight[under].max(initial=0.0))
@@ -187,6 +194,11 @@ class RigidHolder:
         near = far / 2
         while excess(near) < 0:
             near /= 2
+            if near < EPSILON * far:
+                raise ValueError(
+                    f"compaction: the law carries less than the force {force:g} N of "
+                    "the holder at any thickness: use a law without a largest pressure"
+                )
         distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=8 * EPSILON)
         pressures = under * self.law.pressure_at(distance / weight)
         return Pressed(pressures * (force / float(pressures @ areas)), distance)
