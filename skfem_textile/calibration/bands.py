@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from scipy import special
 
-from ..fabric.scatter import FEWEST
+from ..fabric.scatter import FEWEST, band_of_further
 from .models import Model
 from .solving import Sample, jacobian_of, rows_of
 
@@ -154,19 +154,19 @@ class Fit:
         """Band that contains predictions for another specimen, shape (2, n).
 
         Mean of the specimens ± t s √(1 + 1/m), with the standard deviation s of m
-        specimens; None for fewer than three specimens.
+        specimens (`band_of_further`); None for fewer than three specimens.  Predictions
+        may be 0 or negative; for laws, which are positive, `band_of_law` is the band of
+        their logarithms.
 
         Parameters
         ----------
         value
             Function of a law that returns n numbers.
         """
-        if self.singles is None or (m := len(self.singles)) < FEWEST:
+        if self.singles is None or len(self.singles) < FEWEST:
             return None
         each = np.array([value(self.model.build(one)) for one in self.singles])
-        quantile = special.stdtrit(m - 1, 0.5 + 0.5 * CONFIDENCE)
-        half = quantile * each.std(axis=0, ddof=1) * np.sqrt(1 + 1 / m)
-        return each.mean(axis=0) + np.array([-half, half])
+        return band_of_further(each, CONFIDENCE)
 
     def zeros(self, i: int) -> dict[str, tuple[float, float, float]]:
         """Zeros of a curve by name: value, and ends of the confidence interval."""

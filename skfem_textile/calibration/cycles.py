@@ -48,7 +48,7 @@ _ROUND_OFF = 1e-18
 
 
 @dataclass(frozen=True)
-class Friction:
+class FrictionElements:
     """Friction elements found in tests.
 
     Attributes
@@ -72,7 +72,9 @@ class Friction:
         return np.asarray(self.limits) @ _of_elements(test, self.onsets)
 
 
-def friction_of(tests: Sequence[Test], up_to: float | None) -> dict[str, Friction]:
+def friction_of(
+    tests: Sequence[Test], up_to: float | None
+) -> dict[str, FrictionElements]:
     """Friction by part of the laws whose tests have cycles.
 
     Parameters
@@ -96,7 +98,7 @@ def friction_of(tests: Sequence[Test], up_to: float | None) -> dict[str, Frictio
     return found
 
 
-def without_friction(one: Test, friction: dict[str, Friction]) -> Test:
+def without_friction(one: Test, friction: dict[str, FrictionElements]) -> Test:
     """The test with the forces of the elastic law alone."""
     if not isinstance(one, Cyclic) or one.parts[0] not in friction:
         return one
@@ -173,7 +175,7 @@ def _of_elements(test: Cyclic, onsets: Any) -> ndarray:
     return force
 
 
-def _found(tests: Sequence[Cyclic], up_to: float | None) -> Friction:
+def _found(tests: Sequence[Cyclic], up_to: float | None) -> FrictionElements:
     """Friction of one law from its tests with cycles.
 
     Elements at neighbouring onsets of a grid are joined in pairs, and their onsets
@@ -203,7 +205,7 @@ def _found(tests: Sequence[Cyclic], up_to: float | None) -> Friction:
     limits, _ = problem.solved(onsets)
     kept = np.flatnonzero(limits > _LEAST * limits.sum())
     limits, _ = problem.solved(onsets[kept])
-    return Friction(tuple(limits.tolist()), tuple(onsets[kept].tolist()))
+    return FrictionElements(tuple(limits.tolist()), tuple(onsets[kept].tolist()))
 
 
 def _reversal(test: Cyclic) -> float:

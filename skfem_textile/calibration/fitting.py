@@ -31,7 +31,7 @@ from .choice import (
 from .curves import beginning_notes
 from .cycles import (
     Cyclic,
-    Friction,
+    FrictionElements,
     friction_of,
     in_cycles,
     predicted,
@@ -82,7 +82,7 @@ class FabricFit:
     choice: Choice
     simulations: Mapping[ShearTest, SimulatedTest]
     candidates: Mapping[str, Sequence[Candidate]] = field(default_factory=dict)
-    friction: Mapping[str, Friction] = field(default_factory=dict)
+    friction: Mapping[str, FrictionElements] = field(default_factory=dict)
     measured: tuple[Test, ...] = ()
 
     @property
@@ -275,7 +275,7 @@ def fit_tests(
 
 def _friction(
     tests: Sequence[Test], choice: Choice, simulation: Simulation | None
-) -> dict[str, Friction]:
+) -> dict[str, FrictionElements]:
     """Friction of the laws by part; empty without tests with cycles."""
     if not any(one.cyclic for one in tests):
         return {}

@@ -188,10 +188,11 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     """
     with_files(file, _refuse_missing)
     _refuse_contradictions(file)
+    assumed: list[str] = []
     if file.fabric.file is None:
         laws = _fabric(file.tension, file.shear, file.bending)
     else:
-        laws = fabric_of_file(file.fabric)
+        laws, assumed = fabric_of_file(file.fabric)
     scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
     if file.stepping.is_programme:
         scene = file.stepping.applied(scene)
@@ -222,7 +223,8 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         pictures=file.output.pictures,
         changes=fit.note,
     )
-    return replace(case, defaults=_defaults(file, case, default))
+    notes = filter(None, (_defaults(file, case, default), *assumed))
+    return replace(case, defaults="; ".join(notes))
 
 
 def _fitted(

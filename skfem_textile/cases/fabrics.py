@@ -15,6 +15,7 @@ from ..fabric import (
     TensionOnly,
     TwoLaws,
 )
+from ..fabric.law import n_slips
 from ..mesh.user_input import printable
 from .schema import FabricOfFile, ShearLaw, TensionLaw, with_compression
 from .write import tables_of
@@ -32,9 +33,24 @@ def errors_in(place: str) -> Iterator[None]:
         raise ValueError(f"{place}{printable(error)}") from None
 
 
-def fabric_of_file(table: FabricOfFile) -> Fabric:
-    """Fabric of the file of a case, with the behaviour in compression of the case."""
-    return _compressed(_read(table).fabric, table)
+def fabric_of_file(table: FabricOfFile) -> tuple[Fabric, list[str]]:
+    """Fabric of the file of a case, with the behaviour in compression of the case.
+
+    Also notes: what the file assumes of its stiffnesses, because it was not measured,
+    and the range of the data of its shear law.
+    """
+    found = _read(table)
+    notes = []
+    if found.origin is not None:
+        assumed, ranges = found.origin.assumed, found.origin.ranges
+        stiffnesses = "tension", "shear", "bending"
+        notes = [assumed[name] for name in stiffnesses if name in assumed]
+        if "shear" in ranges:
+            angle = f"{np.degrees(ranges['shear']):.2g}°"
+            notes.append(
+                f"the shear law is fitted up to {angle} and extrapolated beyond"
+            )
+    return _compressed(found.fabric, table), notes
 
 
 def _read(table: FabricOfFile) -> "FabricWithOrigin":
@@ -58,7 +74,7 @@ def _compressed(found: Fabric, table: FabricOfFile) -> Fabric:
 
 def _law_compressed(law: Any, table: FabricOfFile) -> Any:
     """The law of a family of the file, with the behaviour in compression."""
-    if isinstance(law, Pretensioned):
+    if isinstance(law, Pretensioned) or n_slips(law):
         return replace(law, law=_law_compressed(law.law, table))
     if isinstance(law, Asymmetric | TensionOnly):
         raise ValueError(

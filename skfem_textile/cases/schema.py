@@ -243,8 +243,8 @@ else:
     BendingLaw = table_of(declared.Bilinear, Law) | Measured | LawOfFile
 
 
-class Friction(Table):
-    """Friction elements, by which unloading differs from loading."""
+class TensionFriction(Table):
+    """Friction elements of tension, by which unloading differs from loading."""
 
     limits_N_per_mm: Annotated[
         tuple[float, ...], about("limit of the force of each friction element")
@@ -279,7 +279,7 @@ class ShearFriction(Table):
     ]
 
     def added_to(self, law: Any) -> Any:
-        """See `Friction`."""
+        """See `TensionFriction`."""
         from ..fabric.laws.friction import WithFriction
 
         onsets = [radians(onset) for onset in self.onsets_deg]
@@ -299,7 +299,7 @@ class BendingFriction(Table):
     ]
 
     def added_to(self, law: Any) -> Any:
-        """See `Friction`."""
+        """See `TensionFriction`."""
         from ..fabric.laws.friction import WithFriction
 
         return WithFriction(law, self.limits_N, self.onsets_per_mm)
@@ -337,7 +337,7 @@ class Weft(Table):
     ] = "law"
     pretension_N_per_mm: Annotated[float, about("initial tension of the fibres")] = 0.0
     in_compression: InCompression | None = None
-    friction: Friction | None = None
+    friction: TensionFriction | None = None
 
     def build(self) -> Any:
         """Build the law of a family.

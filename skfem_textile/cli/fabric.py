@@ -60,20 +60,25 @@ def _draw(found: FabricOfFile, out: Path) -> None:
 
 
 def _rows(found: FabricOfFile) -> Iterator[Row]:
-    """Rows: laws, then what is known of them."""
+    """Rows: laws, each measured or assumed, then what is known of them."""
     fabric, origin = found.fabric, found.origin or Origin()
+
+    def assumed(name: str) -> str:
+        return " (assumed)" if name in origin.assumed else ""
+
     if origin.title:
         yield "Fabric", "", origin.title
     yield from _shear_rows(fabric.shear_law, origin)
     for family in fabric.families:
-        yield f"Tension, {family.name}", "", repr(family.tension)
-    yield "Bending stiffness", "", f"{fabric.bending[0]}, {fabric.bending[1]} N mm"
+        yield f"Tension, {family.name}", "", f"{family.tension!r}{assumed('tension')}"
+    warp, weft = fabric.bending
+    yield "Bending stiffness", "", f"{warp}, {weft} N mm{assumed('bending')}"
+    for name, text in origin.assumed.items():
+        yield f"Assumed, {name.replace('_', ' ')}", "", text
     for name, text in origin.sources.items():
         yield f"Source, {name}", "", text
     for part, specimens in origin.specimens.items():
         yield f"Specimens, {part}", "", "; ".join(one.name for one in specimens)
-    for name, text in origin.assumed.items():
-        yield f"Assumed, {name.replace('_', ' ')}", "", text
     for name, text in origin.properties.items():
         yield f"{name[:1].upper()}{name[1:]}", "", text
     for text in origin.notes:

@@ -17,17 +17,7 @@ from scipy.optimize import brentq
 from .. import declarations as declared
 from ..fabric.law import keep, number
 from ..mesh.user_input import real_numbers, shortened
-from ..solve.states import NoEquilibriumError
-
-_EPSILON = float(np.finfo(float).eps)
-
-# Distance of a holder relative to that without pressure below which a force is refused:
-# round-off, as a measured law has a finite pressure at a thickness of zero.
-_THINNEST = _EPSILON
-
-
-class ForceError(NoEquilibriumError, ValueError):
-    """Force that no pressure balances: ValueError before a run, failed attempt then."""
+from ..solve.problem import EPSILON
 
 
 @runtime_checkable
@@ -95,7 +85,8 @@ class Compaction(declared.Compaction):
 class MeasuredCompaction(declared.MeasuredCompaction):
     """Compaction law by a monotone curve through measured points.
 
-    Thinner plies than the last one have the slope there.
+    Thinner plies than the last one have a pressure that is linear in 1/t, and thus in
+    the volume fraction of the fibres, with the slope there.
 
     Parameters
     ----------
@@ -148,8 +139,9 @@ class MeasuredCompaction(declared.MeasuredCompaction):
         curve = PchipInterpolator(self.thickness[::-1], self.pressure[::-1])
         thinnest = self.thickness[-1]
         within = np.clip(thickness, thinnest, self.free)
-        beyond = float(curve(thinnest, 1)) * np.minimum(thickness - thinnest, 0.0)
-        return np.asarray(curve(within) + beyond)
+        thinner = np.minimum(thickness - thinnest, 0.0) * (thinnest / thickness)
+        beyond = float(curve(thinnest, 1)) * thinner
+        return np.where(thickness < self.free, curve(within) + beyond, 0.0)
 
 
 class Pressed(NamedTuple):
@@ -165,15 +157,12 @@ class RigidHolder:
 
     Attributes
     ----------
-    what
-        Name of the holder in messages.
     force
         Force in N as a function of the load factor.
     law
         Law of compaction.
     """
 
-    what: str
     force: Callable[[float], float]
     law: CompactionLaw
 
@@ -191,8 +180,8 @@ class RigidHolder:
 
         Raises
         ------
-        ForceError
-            If the law does not reach the pressure of the force.
+        ValueError
+            If the law carries less than the force at any thickness.
         """
         force, under = self.force(t), areas > 0
         far = self.law.free * float(weight[under].max(initial=0.0))
@@ -206,17 +195,12 @@ class RigidHolder:
         near = far / 2
         while excess(near) < 0:
             near /= 2
-            if near < _THINNEST * far:
-                self._refuse_force(force, float(areas[under].sum()))
-        distance = brentq(excess, near, far, xtol=_EPSILON * near, rtol=4 * _EPSILON)
+            if near < EPSILON * far:
+                raise ValueError(
+                    f"compaction: the law carries less than the force {force:g} N of "
+                    "the holder at any thickness: use a law without a largest pressure"
+                )
+        distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=8 * EPSILON)
         pressures = np.zeros_like(areas)
         pressures[under] = self.law.pressure_at(distance / weight[under])
         return Pressed(pressures * (force / float(pressures @ areas)), distance)
-
-    def _refuse_force(self, force: float, area: float) -> None:
-        """Raise the error of a force that no thickness balances."""
-        raise ForceError(
-            f"{self.what}: its force of {force:.4g} N on {area:.4g} mm2 is a pressure "
-            f"of {force / area:.3g} N/mm2, which the law of compaction does not reach",
-            advice="a smaller force, or points of the law at higher pressures",
-        )

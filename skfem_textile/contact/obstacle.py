@@ -1,4 +1,4 @@
-"""Rigid tools that move with the load factor, in frictionless contact with a ply.
+"""Rigid tools that move with the load factor, in contact with a ply.
 
 A tool is an obstacle: a surface φ = 0, moved rigidly, and the side of it on which the
 ply lies.  The gap of a point x is g = ±φ/‖∇φ‖ less half the thickness, the distance to

@@ -221,7 +221,7 @@ class Holder:
                 f"Compaction(0.3, 1e-3, 8.0), got {shortened(self.compaction)}"
             )
         force = function_of(f"{what}: force", self.force, 0.0, " N")
-        return RigidHolder(what, force, self.compaction)
+        return RigidHolder(force, self.compaction)
 
 
 _Term = TypeVar("_Term", bound=ToolTerm)

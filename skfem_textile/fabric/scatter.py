@@ -108,14 +108,29 @@ def band_of_law(
         None for fewer than three specimens, or if a value is not positive.
     """
     values = np.array([one.law.value(x) for one in specimens])
-    if (m := len(values)) < FEWEST or not np.all(values > 0):
+    if len(values) < FEWEST or not np.all(values > 0):
         return None
+    return np.exp(band_of_further(np.log(values), confidence))
+
+
+def band_of_further(values: ndarray, confidence: float) -> ndarray:
+    """Band of a further draw from a normal distribution, shape (2, n).
+
+    Mean ± t s √(1 + 1/m) of m draws with the standard deviation s.
+
+    Parameters
+    ----------
+    values
+        The draws, shape (m, n).
+    confidence
+        Probability that the band contains a further one.
+    """
     from scipy.special import stdtrit
 
-    logs = np.log(values)
-    half = stdtrit(m - 1, 0.5 + 0.5 * confidence) * logs.std(axis=0, ddof=1)
+    m = len(values)
+    half = stdtrit(m - 1, 0.5 + 0.5 * confidence) * values.std(axis=0, ddof=1)
     half *= np.sqrt(1 + 1 / m)
-    return np.exp(logs.mean(axis=0) + np.array([-half, half]))
+    return np.asarray(values.mean(axis=0) + np.array([-half, half]))
 
 
 def _levels(n: int, dimension: int, seed: int) -> ndarray:

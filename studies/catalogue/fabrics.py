@@ -1,12 +1,8 @@
 """Fits of the fabrics of the catalogue to published measurements."""
 
-import csv
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-
-import numpy as np
 
 from skfem_textile import Fabric
 from skfem_textile.calibration import (
@@ -22,11 +18,15 @@ from skfem_textile.calibration.choice import Test
 from skfem_textile.fabric.files import fabric_text
 from skfem_textile.fabric.origin import Origin
 
-DATA = Path(__file__).parents[1] / "measured" / "data"
-
-#: Assumed fibre stiffness of the fabrics of Cao et al. in N/mm, and factors by which
-#: the study changes it.
-FIBRES, FACTORS = 2000.0, (0.5, 2.0)
+from ..measured.published import (
+    ASSUMED,
+    BIAS,
+    FABRICS,
+    columns,
+    fibre_stiffnesses,
+    of_fabric,
+    properties,
+)
 
 # Significant digits of a fabric file: beyond rounding errors of the fit, and far finer
 # than the scatter.
@@ -48,24 +48,12 @@ _ASSUMED = {
     "directions": "warp and weft at right angles at rest",
     "wrinkling_angle": "no locking angle was measured: 90 degrees, no limit",
 }
-_WITHOUT_TENSION = {
-    "tension": f"no tension test was published: {FIBRES:g} N/mm in both families, an "
-    "order of magnitude",
-    "bending": "no bending test was published: no bending stiffness",
-    **_ASSUMED,
-}
 _UNTIL_40 = (
     "Shear angles follow from the displacement of the clamps without slip of yarns, up "
     "to 40 degrees; beyond them the law is extrapolated by its polynomial.",
     "Below 10 degrees most specimens resist more than the polynomial.",
     "Picture frames of the same article give other laws.",
 )
-
-
-def table_of(path: Path) -> list[dict[str, str]]:
-    """Rows of a file of measurements, without its comments."""
-    with open(path, encoding="utf-8") as file:
-        return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
 @dataclass(frozen=True)
@@ -116,29 +104,15 @@ class Cao(Entry):
 
     Attributes
     ----------
-    figure
-        Figure with the forces of the bias extensions.
-    column
-        Column of the fabric in Table 1.
+    fabric
+        Name in the published measurements.
     """
 
-    figure: str
-    column: str
+    fabric: str
 
     def tests(self) -> list[Test]:
         """The bias extensions."""
-        curves: dict[str, list[dict[str, str]]] = {}
-        for row in table_of(DATA / "cao2008" / "curves.csv"):
-            if row["figure"] == self.figure:
-                curves.setdefault(row["specimen_or_laboratory"], []).append(row)
-        found: list[Test] = []
-        for name, rows in curves.items():
-            width, height = float(rows[0]["width_mm"]), float(rows[0]["height_mm"])
-            points = sorted((float(row["x"]), float(row["y"])) for row in rows)
-            moved, force = np.array(points).T
-            test = BiasExtension(width, height)
-            found.append(Specimen(name, test, force, displacement=moved))
-        return found
+        return [curve.specimen for curve in of_fabric(self.fabric, BIAS)]
 
     def fit(self) -> FabricFit:
         """A polynomial of degree 5, of inextensible fibres."""
@@ -146,7 +120,7 @@ class Cao(Entry):
 
     def base(self) -> Fabric:
         """The assumed fibre stiffness."""
-        return Fabric(FIBRES)
+        return Fabric(fibre_stiffnesses(self.fabric))
 
     def origin(self, fit: FabricFit) -> Origin:
         """Sources, assumptions and specimens."""
@@ -154,17 +128,27 @@ class Cao(Entry):
         number = len(found.specimens["shear"])
         shear = (
             f"polynomial of degree 5, fitted to the forces of {number} bias extensions "
-            f"(width x height in mm, laboratory) of Fig. {self.figure}"
+            f"(width x height in mm, laboratory) of Fig. {FABRICS[self.fabric][1]}"
         )
-        table = table_of(DATA / "cao2008" / "fabrics.csv")
-        properties = {row["property"]: f"{row[self.column]} (Table 1)" for row in table}
+        warp, weft = fibre_stiffnesses(self.fabric)
+        tension = (
+            f"no tension test was published: {warp:.0f} N/mm in warp and {weft:.0f} "
+            f"N/mm in weft, {ASSUMED}"
+        )
         return replace(
             found,
             title=self.title,
             reference=_CAO,
             sources={"shear": shear},
-            assumed=_WITHOUT_TENSION,
-            properties=properties,
+            assumed={
+                "tension": tension,
+                "bending": "no bending test was published: no bending stiffness",
+                **_ASSUMED,
+            },
+            properties={
+                name: f"{text} (Table 1)"
+                for name, text in properties(self.fabric).items()
+            },
             notes=_UNTIL_40,
         )
 
@@ -180,12 +164,9 @@ class Nylon(Entry):
 
     def tests(self) -> list[Test]:
         """Strips at 0°, 90° and 45°."""
-        rows = table_of(DATA / "nylon" / "forces.csv")
-        moved = np.array([float(row["displacement_mm"]) for row in rows])
-        force = {
-            angle: np.array([float(row[f"measured_{angle}"]) for row in rows])
-            for angle in (0, 45, 90)
-        }
+        data = columns("nylon/forces.csv")
+        moved = data["displacement_mm"]
+        force = {angle: data[f"measured_{angle}"] for angle in (0, 45, 90)}
         size = self.strips * self.width, self.length
         bias = BiasExtension(self.width, self.length)
         of_one = force[45] / self.strips
@@ -232,17 +213,16 @@ class Nylon(Entry):
 
 #: The fabrics.
 ENTRIES: Sequence[Entry] = (
+    Cao("cao2008-plain-weave", "glass/PP plain weave TPEET22XXX", "plain"),
     Cao(
-        *("cao2008-plain-weave", "glass/PP plain weave TPEET22XXX"),
-        *("38", "TPEET22XXX plain"),
+        "cao2008-balanced-twill",
+        "glass/PP balanced 2/2 twill TPEET44XXX",
+        "balanced twill",
     ),
     Cao(
-        *("cao2008-balanced-twill", "glass/PP balanced 2/2 twill TPEET44XXX"),
-        *("41", "TPEET44XXX balanced twill 2/2"),
-    ),
-    Cao(
-        *("cao2008-unbalanced-twill", "glass/PP unbalanced 2/2 twill TPECU53XXX"),
-        *("43", "TPECU53XXX unbalanced twill 2/2"),
+        "cao2008-unbalanced-twill",
+        "glass/PP unbalanced 2/2 twill TPECU53XXX",
+        "unbalanced twill",
     ),
     Nylon("farrell-woven-nylon", "heat-bondable (coated) woven nylon"),
 )

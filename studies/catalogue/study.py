@@ -18,8 +18,9 @@ from skfem_textile.io import read_fabric
 
 from ..common.figures import File, legend, panels_of, plain_numbers, style_of
 from ..common.tables import grouped, having, markdown_table, percent
+from ..measured.shear import STIFFNESSES
 from ..study import Part, Row, Study
-from .fabrics import ENTRIES, FACTORS, FIBRES, Cao, Entry
+from .fabrics import ENTRIES, Cao, Entry
 
 # Angles of the curves and of the table in degrees.
 _CURVE, _SHOWN = np.arange(1.0, 41.0), (10.0, 20.0, 40.0)
@@ -119,20 +120,24 @@ class Fibres:
 
     def rows(self) -> list[Row]:
         """Loads with the assumed stiffness, and with other ones."""
-        law = read_fabric(self.entry.name).fabric.shear_law
+        fabric = read_fabric(self.entry.name).fabric
+        tensions: list[Any] = [family.tension for family in fabric.families]
+        warp, weft = (tension.stiffness for tension in tensions)
+        factors = 1.0, *STIFFNESSES
         force = {
-            factor: Simulation(factor * FIBRES, steps=8)
-            .curve(law, _TEST, _LARGEST)
+            factor: Simulation((factor * warp, factor * weft), steps=8)
+            .curve(fabric.shear_law, _TEST, _LARGEST)
             .forces[-1]
-            for factor in (1.0, *FACTORS)
+            for factor in factors
         }
         return [
             {
-                "fibre_stiffness": factor * FIBRES,
+                "warp_stiffness": factor * warp,
+                "weft_stiffness": factor * weft,
                 "force_N": float(force[factor]),
                 "change": float(force[factor] / force[1.0] - 1),
             }
-            for factor in (1.0, *FACTORS)
+            for factor in factors
         ]
 
 
@@ -172,7 +177,7 @@ def fibres(rows: list[Row]) -> str:
         [f"`{name.removeprefix(_FIBRES)}`", *(percent(r["change"]) for r in own[1:])]
         for name, own in grouped(rows, "case").items()
     ]
-    heads = [f"{factor:g} times the stiffness" for factor in FACTORS]
+    heads = [f"{factor:g} times the stiffness" for factor in STIFFNESSES]
     return markdown_table(["fabric", *heads], lines)
 
 

@@ -12,19 +12,27 @@ from .problems import problems
 def exact(rows: list[Row]) -> str:
     """Forces against exact ones."""
     return markdown_table(
-        ["problem", "force", "exact", "difference", "solves"],
+        [
+            *("problem", "force", "exact", "difference"),
+            *("of the work", "of the area", "solves"),
+        ],
         [
             [
                 row["case"],
                 f"{row['force']:.5f}",
                 f"{row['exact']:.5f}",
                 f"{row['off']:.1e}",
+                *(_difference(row.get(name)) for name in ("off_work", "off_area")),
                 row["solves"],
             ]
             for row in rows
             if not row.get("refused")
         ],
     )
+
+
+def _difference(x: float | None) -> str:
+    return "" if x is None else f"{x:.1e}"
 
 
 def hemispheres(rows: list[Row]) -> str:

@@ -42,6 +42,12 @@ _COLUMNS = {
 # Assumed: weight of glass in a yarn, its density in g/mm³ and modulus in N/mm².
 _GLASS, _DENSITY, _MODULUS = 0.6, 2.55e-3, 72e3
 
+#: The assumption in words.
+ASSUMED = (
+    f"the glass of straight yarns: {100 * _GLASS:g} % of their weight, with "
+    f"{1e-3 * _MODULUS:g} GPa and {1e3 * _DENSITY:g} g/cm3, times the counts of Table 1"
+)
+
 
 def rows(name: str) -> list[dict[str, str]]:
     """Rows of a file, without the lines of its source."""
@@ -133,10 +139,15 @@ def error_bars(fabric: str) -> dict[str, ndarray]:
     return {name: np.transpose(bars) for name, bars in found.items()}
 
 
+def properties(fabric: str) -> dict[str, str]:
+    """Properties of a fabric by name with unit, as published."""
+    table = rows("cao2008/fabrics.csv")
+    return {row["property"]: row[_COLUMNS[fabric]] for row in table}
+
+
 def property_of(fabric: str, name: str) -> float:
     """Property of a fabric: the first number of its cell."""
-    (row,) = (row for row in rows("cao2008/fabrics.csv") if row["property"] == name)
-    return float(row[_COLUMNS[fabric]].split("+-")[0].split()[0])
+    return float(properties(fabric)[name].split("+-")[0].split()[0])
 
 
 def fibre_stiffnesses(fabric: str) -> tuple[float, float]:

@@ -115,7 +115,7 @@ def _of_angle(rows: list[Row]) -> dict[str, str]:
     """Departures of the measured angle, and onset of slip, on the finer mesh."""
     finest = next(iter(grouped(rows, "density").values()))
     found, first = departures(finest), onset(finest, "max_slip_index", 1.0)
-    known = [row for row in finest if row["pin_jointed"] <= 40]
+    known = [row for row in finest if row["pin_jointed"] < 40.5]
     stiffness = np.hstack(
         [array(known, f"stiffness_{x}") - array(known, "centre") for x in ("0.5", "2")]
     )

@@ -170,7 +170,7 @@ def nylon(rows: list[Row]) -> str:
 
 
 def temperature(rows: list[Row]) -> str:
-    """Forces at two temperatures and speeds."""
+    """Forces at two temperatures and speeds, and of the same test in Fig. 38."""
     names = [name for name in rows[0] if name not in ("case", "test", "angle")]
     lines = [
         [f"{r['angle']}°", *("-" if r[n] is None else f"{r[n]:.2f} N" for n in names)]
@@ -178,6 +178,7 @@ def temperature(rows: list[Row]) -> str:
     ]
     heads = [name.replace("_per_", "/").replace("_", ", ") for name in names]
     heads = [head.replace("C", " °C").replace("mm/", " mm/") for head in heads]
+    heads = [head.replace("fig, ", "Fig. ") for head in heads]
     return markdown_table(["shear angle", *heads], lines)
 
 

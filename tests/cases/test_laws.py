@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skfem_textile import Bilinear, Linear, TensionOnly, WithFriction
+from skfem_textile import Bilinear, Fabric, Linear, TensionOnly, WithFriction
 from skfem_textile.cases import case_from_tables
 from skfem_textile.io import write_fabric
 from tests.helpers.command_line import computed, rejected, run
@@ -147,6 +147,16 @@ def test_a_case_file_has_friction_for_each_law(tmp_path):
     write_fabric(tmp_path / "fabric.json", fabric)
     again = {"scene": tables["scene"], "fabric": {"file": "fabric.json"}}
     assert case_from_tables(again, tmp_path).fabric.laws == fabric.laws
+
+
+def test_a_law_of_a_file_has_its_friction_without_force_in_compression(tmp_path):
+    friction = [5.0], [0.001]
+    fabric = Fabric(WithFriction(Linear(1e4), *friction), 0.5)
+    write_fabric(tmp_path / "fabric.json", fabric)
+    table = {"file": "fabric.json", "compression": "none"}
+    tables = {"scene": {"name": "picture_frame"}, "fabric": table}
+    for family in case_from_tables(tables, tmp_path).fabric.families:
+        assert family.tension == WithFriction(TensionOnly(Linear(1e4)), *friction)
 
 
 def test_a_bending_law_has_friction_in_a_case_file():

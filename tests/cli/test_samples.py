@@ -242,5 +242,9 @@ def test_show_states_laws_sources_and_assumptions(tmp_path, capsys):
     for text in ("95 % band of a further specimen", "Assumed, tension", "Fig. 38"):
         assert text in printed
     assert "115x230 HKUST" in printed
+    assumed = [line for line in printed.splitlines() if line.endswith("(assumed)")]
+    assert [line.split()[0] for line in assumed] == ["Tension,", "Tension,", "Bending"]
     assert cli.main(["show", "farrell-woven-nylon", "--no-render"]) == 0
-    assert "band" not in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "band" not in printed
+    assert "61.947)\n" in printed  # measured

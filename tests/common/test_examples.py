@@ -145,3 +145,15 @@ def test_the_page_on_the_architecture_names_existing_modules():
     assert len(paths) > 30
     assert len(names) > 60
     assert [n for n in names if not re.search(rf"\b{n}\b", CODE)] == []
+
+
+def test_the_page_on_the_architecture_names_the_modules_of_its_names():
+    """`Class.name` in `path`, or `name` (`path`)."""
+    place = r"`(?:([A-Z]\w+)\.)?(\w+)`(?: \([^)]*\))?(?: in |,? \()`([a-z_/]+\.py)`"
+    places = re.findall(place, ARCHITECTURE)
+    assert len(places) > 30
+    for *names, path in places:
+        bases = (base / path for base in (ROOT, ROOT / "skfem_textile"))
+        text = next(file for file in bases if file.exists()).read_text()
+        for name in filter(None, names):
+            assert re.search(rf"\b{name}\b", text), f"{name} in {path}"

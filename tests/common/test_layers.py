@@ -30,7 +30,7 @@ LAYERS = {
     "sweep": ("solve", "mesh"),
     "outlines": ("solve", "ply", "fabric", "mesh"),
     "nets": ("surfaces", "ply", "fabric", "mesh"),
-    "contact": ("surfaces", "solve", "ply", "fabric", "mesh"),
+    "contact": ("surfaces", "solve", "ply", "fabric", "declarations", "mesh"),
     "drape": ("contact", "nets", "surfaces"),
     "declarations.scenes": ("surfaces", "nets", "declarations"),
     "scenes": (

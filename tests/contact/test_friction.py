@@ -252,16 +252,36 @@ def test_a_rigid_holder_presses_on_quadratic_triangles(law):
 def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
     law = Compaction(0.3, 1e-3, 8.0)
     areas, weight = np.array([3.0, 2.0, 0.0]), np.array([1.0, 1.2, 1.0])
-    pressures, distance = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(
+    pressures, distance = RigidHolder(lambda t: 5.0 * t, law).pressed(
         1.0, areas, weight
     )
     assert pressures @ areas == pytest.approx(5.0, rel=1e-12)
     expected = law.pressure_at(distance / weight)
     assert pressures[:2] == pytest.approx(expected[:2], rel=1e-9)
     assert pressures[2] == 0.0
-    none = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
+    none = RigidHolder(lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
     assert none.distance == pytest.approx(0.36)
     assert not none.pressures.any()
+
+
+class Saturating:
+    """A law with a largest pressure."""
+
+    free = 0.3
+
+    def pressure_at(self, thickness):
+        return 0.01 * np.clip(1 - thickness / self.free, 0.0, 1.0)
+
+
+def test_a_large_force_has_a_thickness_or_the_law_is_refused():
+    areas, force = np.array([100.0, 100.0]), 1e6
+    measured = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03))
+    found = RigidHolder(lambda t: force, measured).pressed(1.0, areas, np.ones(2))
+    assert 0 < found.distance < 1e-3
+    expected = pytest.approx(force / 200.0, rel=1e-9)
+    assert measured.pressure_at(found.distance) == expected
+    with pytest.raises(ValueError, match="carries less than the force 1e\\+06 N"):
+        RigidHolder(lambda t: force, Saturating()).pressed(1.0, areas, np.ones(2))
 
 
 # A disc that turns under a ply

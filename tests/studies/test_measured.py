@@ -53,6 +53,13 @@ def test_normalised_forces_exceed_the_limit_of_their_formula():
     assert all(row["factor"] > row["limit"] for row in rows)
 
 
+def test_forces_of_figure_40_exceed_figure_38_increasingly():
+    rows = [row for row in STORED if "fig_38" in row]
+    ratios = [row["20C_10mm_per_min"] / row["fig_38"] for row in rows]
+    assert ratios == sorted(ratios)
+    assert (ratios[0], ratios[-1]) == pytest.approx((1.42, 3.17), abs=0.01)
+
+
 def test_slip_begins_within_five_degrees_of_the_departure_less_slack():
     rows = [row for row in STORED if row.get("density") == 4]
     found, first = angle.departures(rows), angle.onset(rows, "max_slip_index", 1.0)
