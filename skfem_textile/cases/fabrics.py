@@ -36,12 +36,21 @@ def errors_in(place: str) -> Iterator[None]:
 def fabric_of_file(table: FabricOfFile) -> tuple[Fabric, list[str]]:
     """Fabric of the file of a case, with the behaviour in compression of the case.
 
-    Also what the file assumes of its stiffnesses, because it was not measured.
+    Also notes: what the file assumes of its stiffnesses, because it was not measured,
+    and the range of the data of its shear law.
     """
     found = _read(table)
-    assumed = {} if found.origin is None else found.origin.assumed
-    stiffnesses = [assumed[x] for x in ("tension", "shear", "bending") if x in assumed]
-    return _compressed(found.fabric, table), stiffnesses
+    notes = []
+    if found.origin is not None:
+        assumed, ranges = found.origin.assumed, found.origin.ranges
+        stiffnesses = "tension", "shear", "bending"
+        notes = [assumed[name] for name in stiffnesses if name in assumed]
+        if "shear" in ranges:
+            angle = f"{np.degrees(ranges['shear']):.2g}°"
+            notes.append(
+                f"the shear law is fitted up to {angle} and extrapolated beyond"
+            )
+    return _compressed(found.fabric, table), notes
 
 
 def _read(table: FabricOfFile) -> "FabricWithOrigin":

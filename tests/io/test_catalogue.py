@@ -97,3 +97,4 @@ def test_a_run_states_what_its_fabric_assumes():
     note = case_from_tables(tables).defaults
     assert note.startswith("no tension test was published: 6051 N/mm")
     assert "no bending stiffness" in note
+    assert note.endswith("the shear law is fitted up to 40° and extrapolated beyond")
