@@ -95,6 +95,6 @@ def test_specimens_keep_their_laws_in_a_file(tmp_path):
 def test_a_run_states_what_its_fabric_assumes():
     tables = {"scene": {"name": "strip"}, "fabric": {"file": "cao2008-plain-weave"}}
     note = case_from_tables(tables).defaults
-    assert note.startswith("no tension test was published: 2000 N/mm")
+    assert note.startswith("no tension test was published: 6051 N/mm")
     assert "no bending stiffness" in note
     assert note.endswith("the shear law is fitted up to 40° and extrapolated beyond")
