@@ -7,7 +7,7 @@ the flat one.  H follows from the balance of the pressures with the force of the
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy import ndarray
@@ -20,6 +20,7 @@ from ..mesh.user_input import real_numbers, shortened
 from ..solve.problem import EPSILON
 
 
+@runtime_checkable
 class CompactionLaw(Protocol):
     """Pressure on a ply as a function of its thickness.
 
@@ -175,7 +176,7 @@ class RigidHolder:
         areas
             Current areas of the nodes under the holder in mm², shape (n_nodes,).
         weight
-            Their areal weights relative to the flat ply.
+            Their areal weights relative to the flat ply; any where the area is 0.
 
         Raises
         ------
@@ -200,5 +201,6 @@ class RigidHolder:
                     "the holder at any thickness: use a law without a largest pressure"
                 )
         distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=8 * EPSILON)
-        pressures = under * self.law.pressure_at(distance / weight)
+        pressures = np.zeros_like(areas)
+        pressures[under] = self.law.pressure_at(distance / weight[under])
         return Pressed(pressures * (force / float(pressures @ areas)), distance)

@@ -31,6 +31,10 @@ from numpy import ndarray
 from ..ply.parameters import Values
 from ..solve.direction import TINY
 
+# Slip of nodes that stick, relative to the elastic slip, up to which stick is exact.
+# Chosen: if the updates end early, most of the elastic slip remains.
+_STUCK = 0.1
+
 
 class Friction:
     """Friction of the contact points of a ply on one tool.
@@ -110,10 +114,18 @@ class Friction:
         y, size = self._slipped(u, t, p)
         force, x = self._force(u, t, p), self._local(u, t)
         slid = y * np.maximum(1 - self._slip / np.maximum(size, TINY), 0.0)
-        if self._exact:
-            slid = self._tangential(x - p["slips_from"], p)
         work = p["work"] + (force * slid).sum()
         return Values({**p, "slips_from": x, "shear": force, "work": work})
+
+    def sticks(self, u: ndarray, t: float, p: Values) -> bool:
+        """True unless nodes with exact stick slip by a share of the elastic slip."""
+        if not self._exact:
+            return True
+        _, size = self._slipped(u, t, p)
+        moved = self._tangential(self._local(u, t) - p["slips_from"], p)
+        held = (p["bound"] > 0) & (size < self._slip)
+        slip = np.linalg.norm(moved[:, held], axis=0).max(initial=0.0)
+        return bool(slip <= _STUCK * self._slip)
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Σ b (h(|y|) − h(|y|) at the last state), in N·mm."""

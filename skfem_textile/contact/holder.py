@@ -16,7 +16,7 @@ from ..ply import Ply
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..solve.on_surface import CheckedSurface
 from .obstacle import Obstacle, ToolContact, ToolTerm, turned
-from .outline import shares_inside
+from .outline import ROUND_OFF, shares_inside
 
 if TYPE_CHECKING:
     from .compaction import RigidHolder
@@ -95,10 +95,16 @@ class _Pressed(TermParameters):
         return areas, slopes
 
     def _weight(self, u: ndarray) -> ndarray:
-        """Undeformed over current area at each node: its relative areal weight."""
+        """Undeformed over current area at each node: its relative areal weight.
+
+        Infinite at corners of quadratic triangles, whose area vanishes.
+        """
         ratios = area_ratio(deformation_gradient(displacement_gradient(self._basis, u)))
         current = (self._shapes * ratios * self._basis.dx).sum(axis=-1)
-        return self._summed(self._integrals) / self._summed(current)
+        flat = self._summed(self._integrals)
+        weight, counts = np.full_like(flat, np.inf), flat > ROUND_OFF * flat.max()
+        weight[counts] = flat[counts] / self._summed(current)[counts]
+        return weight
 
     def _summed(self, of_elements: ndarray) -> ndarray:
         """Sums over the elements of each node."""

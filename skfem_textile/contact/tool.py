@@ -3,16 +3,17 @@
 `Tool` and `Holder` are declarations; `obstacle` and `holder` contain their terms.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis
 
-from ..mesh.user_input import keep_copies, real_numbers
+from ..fabric.law import number
+from ..mesh.user_input import keep_copies, shortened
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import Amount, HolderPressure, function_of
@@ -68,7 +69,8 @@ class Tool:
     elastic_slip
         Slip in mm up to which friction is elastic, before the ply slides.
     exact_stick
-        True if the ply does not slip before it slides; it takes more linear solves.
+        True if the ply does not slip before it slides; it takes more linear solves, and
+        steps are refused if it does not converge: a small elastic slip takes less.
     name
         Name of the term, of the force of the tool, and of its travel.
     stated
@@ -211,9 +213,13 @@ class Holder:
         """Pressure as a function of the load factor, or the holder with a force."""
         if self.force is None:
             return function_of(f"{what}: pressure", self.pressure, 0.0, " N/mm2")
-        from .compaction import RigidHolder
+        from .compaction import CompactionLaw, RigidHolder
 
-        assert self.compaction
+        if not isinstance(self.compaction, CompactionLaw):
+            raise ValueError(
+                f"{what}: compaction must be a law of compaction, such as "
+                f"Compaction(0.3, 1e-3, 8.0), got {shortened(self.compaction)}"
+            )
         force = function_of(f"{what}: force", self.force, 0.0, " N")
         return RigidHolder(force, self.compaction)
 
@@ -228,9 +234,12 @@ def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
     """The term of a tool, with its friction if there is any."""
     what = f"{what}: friction"
     coefficient = function_of(what, tool.friction, 0.0, "", _MOST_FRICTION)
-    slip = float(real_numbers(f"{what}: elastic slip", tool.elastic_slip))
-    if not 0 < slip < math.inf:
-        raise ValueError(f"{what}: the elastic slip must be above 0 mm, got {slip:g}")
+    slip = number(f"{what}: elastic_slip", tool.elastic_slip, above=0)
+    if not isinstance(tool.exact_stick, bool | np.bool_):
+        raise ValueError(
+            f"{what}: exact_stick must be True or False, got "
+            f"{shortened(tool.exact_stick)}"
+        )
     if callable(tool.friction) or tool.friction:
         term.with_friction(coefficient, slip, tool.exact_stick)
     return term

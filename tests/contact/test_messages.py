@@ -107,7 +107,15 @@ def test_invalid_laws_of_compaction(make, message):
         ),
         (
             lambda: punch(friction=0.1, elastic_slip=0.0),
-            "the elastic slip must be above 0 mm, got 0",
+            "elastic_slip must be a finite number > 0, got 0",
+        ),
+        (
+            lambda: punch(friction=0.1, elastic_slip=[0.1, 0.2]),
+            r"'punch': friction: elastic_slip must be .* got \[0.1, 0.2\]",
+        ),
+        (
+            lambda: punch(friction=0.1, exact_stick="no"),
+            "'punch': friction: exact_stick must be True or False, got 'no'",
         ),
         (
             lambda: Holder(drape.Plane(), side=1),
@@ -128,6 +136,10 @@ def test_invalid_laws_of_compaction(make, message):
         (
             lambda: Holder(drape.Plane(), force=-1.0, compaction=LAW, side=1),
             "force must be a number of at least 0 N, got -1",
+        ),
+        (
+            lambda: Holder(drape.Plane(), force=1.0, compaction=0.3, side=1),
+            "'holder': compaction must be a law of compaction, .* got 0.3",
         ),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
         (

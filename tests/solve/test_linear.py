@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
+from threading import current_thread
 from weakref import ref
 
 import numpy as np
@@ -478,6 +479,30 @@ def test_rslab_takes_the_number_of_threads_from_the_environment(
     lower = identity(2, format="csc")
     solver = SOLVERS["rslab"].build(lower, natural(lower))
     assert solver.n_threads == number
+
+
+def test_only_threads_that_last_call_rslab(monkeypatch):
+    """RSLAB crashes the process when it is called after a thread that called it."""
+    rslab = pytest.importorskip("rslab")
+    analyze, callers = rslab.analyze, []
+
+    def recorded(*given, **options):
+        callers.append(current_thread())
+        return analyze(*given, **options)
+
+    def solved():
+        solver, lower = unfactorised(100, "rslab")
+        factors = solver.factorise(lower.data)
+        assert factors.solve(np.ones(100)) == pytest.approx(np.ones(100))
+
+    monkeypatch.setattr(rslab, "analyze", recorded)
+    for _ in range(2):
+        with ThreadPoolExecutor(1) as executor:
+            executor.submit(solved).result()
+    assert callers[0] is callers[1]
+    assert callers[0].is_alive()
+    solved()
+    assert callers[2] is current_thread()
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="it forks")

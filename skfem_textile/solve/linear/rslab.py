@@ -6,7 +6,10 @@ preserves the sparsity; refinement recovers the accuracy if such a pivot is smal
 
 import os
 import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from threading import current_thread, main_thread
 from typing import Any
 
 from numpy import ndarray
@@ -47,7 +50,8 @@ class Rslab(LatestFactors):
         _replace_after_fork()
         self._process = os.getpid()
         self.n_threads = _threads()
-        self._analysis = rslab.analyze(
+        self._analysis = _on_lasting_thread(
+            rslab.analyze,
             lower,
             path="ldlt",
             ordering=_ORDERING,
@@ -59,14 +63,15 @@ class Rslab(LatestFactors):
     def factorised(self, data: ndarray) -> tuple[int | None, Any]:
         """Inertia and factors; pivots below round-off are counted."""
         self._refuse_fork()
-        ldlt = self._analysis.factor(data)
+        ldlt = _on_lasting_thread(self._analysis.factor, data)
         return None if ldlt.n_perturbed else ldlt.inertia[1], ldlt
 
     def solution(self, of: CountedPivots, b: ndarray) -> ndarray:
         """Solution, refined if A is indefinite."""
         self._refuse_fork()
         refinements = REFINEMENTS if of.negative else 0
-        return of.factors.solve(b, refine=refinements, target=_BACKWARD_ERROR)
+        options = {"refine": refinements, "target": _BACKWARD_ERROR}
+        return _on_lasting_thread(of.factors.solve, b, **options)
 
     def _refuse_fork(self) -> None:
         """Raise an error in a forked process: RSLAB would wait for its threads."""
@@ -82,6 +87,22 @@ def _threads() -> int | None:
     text = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
     number = int(text) if text.isdecimal() else 0
     return min(number, os.cpu_count() or 1) or None
+
+
+def _on_lasting_thread(call: Callable, *args: Any, **options: Any) -> Any:
+    """Result of a call of RSLAB on a thread that lasts as long as the process.
+
+    A process crashes if RSLAB is called after a thread that called it has ended: other
+    threads than the main one share a thread that does not end.
+    """
+    if current_thread() is main_thread():
+        return call(*args, **options)
+    return _lasting_thread().submit(call, *args, **options).result()
+
+
+@cache
+def _lasting_thread() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, thread_name_prefix="rslab")
 
 
 @cache
