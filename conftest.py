@@ -2,7 +2,7 @@
 hides progress, skips doctests that need missing packages and, with ``--dear``, checks
 processor times.
 
-Modules that draw need pyvista and Matplotlib.
+Modules that draw need pyvista and Matplotlib, samples the extra of sweeps.
 """
 
 import logging
@@ -17,10 +17,11 @@ from hypothesis import settings
 os.environ["SKFEM_TEXTILE_PROGRESS"] = "0"
 
 ROOT = Path(__file__).parent
-MODULES_THAT_DRAW = (
+MODULES_WITH_EXTRAS = (
     "skfem_textile/plot/*.py",
     "skfem_textile/plot/*/*.py",
     "skfem_textile/*/figure.py",
+    "skfem_textile/scenes/samples.py",  # whose sweep needs another of the extras
 )
 # No test times: a machine may be busy with other work.
 settings.register_profile("untimed", deadline=None)
@@ -86,7 +87,7 @@ DEAR = 0.5
 MISSING = [name for name in ("pyvista", "matplotlib") if find_spec(name) is None]
 
 
-class Undrawable(pytest.File):
+class WithoutExtras(pytest.File):
     """A module that cannot be imported here."""
 
     def collect(self):
@@ -98,8 +99,8 @@ def pytest_collect_file(file_path, parent):
     collected = yield
     if MISSING and collected and file_path.is_relative_to(ROOT):
         module = file_path.relative_to(ROOT)
-        if any(module.match(pattern) for pattern in MODULES_THAT_DRAW):
-            return [Undrawable.from_parent(parent, path=file_path)]
+        if any(module.match(pattern) for pattern in MODULES_WITH_EXTRAS):
+            return [WithoutExtras.from_parent(parent, path=file_path)]
     return collected
 
 

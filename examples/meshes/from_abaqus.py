@@ -19,7 +19,7 @@ from skfem_textile.io import read_directions, read_fabric, read_mesh, write_drap
 
 deck = Path(__file__).with_name("cloth.inp")
 mesh, directions = read_mesh(deck), read_directions(deck)
-fabric, ignored = read_fabric(deck)
+fabric, ignored, _ = read_fabric(deck)
 print(*(f"not represented exactly: {sentence}" for sentence in ignored), sep="\n")
 
 # %%
