@@ -32,11 +32,11 @@ def slip_index(
     Where the tension T of a fibre family changes along the fibres, by ∂T/∂s per length,
     the crossings hand over this force per area.  Friction bears at most M_f/r̄, with the
     friction part M_f of the shear moment and the mean distance r̄ of the points of a
-    crossing from its centre (`Yarns.lever`).  The index is r̄ |∂T/∂s|/M_f, the larger
-    one of both families: above 1 the crossings of an element slip.  ∂T/∂s is averaged
-    over a yarn spacing, by the filter q − ∇·(ℓ² ∇q) = ∂T/∂s with ℓ = half the spacing:
-    beside a line on which the tension changes, its largest value is the mean over one
-    spacing.
+    crossing from its centre (`Yarns.lever`).  The index is ``r̄ |∂T/∂s|/M_f``, the
+    larger one of both families: above 1 the crossings of an element slip.  ∂T/∂s is
+    averaged over a yarn spacing, by the filter q − ∇·(ℓ² ∇q) = ∂T/∂s with ℓ = half the
+    spacing: beside a line on which the tension changes, its largest value is the mean
+    over one spacing.
 
     Elements larger than the spacing average over more, and the index is too small.
     Forces on the outline are left out, because clamps may hold the yarns there.  A
