@@ -243,16 +243,8 @@ else:
     BendingLaw = table_of(declared.Bilinear, Law) | Measured | LawOfFile
 
 
-class TensionFriction(Table):
-    """Friction elements of tension, by which unloading differs from loading."""
-
-    limits_N_per_mm: Annotated[
-        tuple[float, ...], about("limit of the force of each friction element")
-    ]
-    onsets: Annotated[
-        tuple[float, ...],
-        about("strain at which each element slips when loaded for the first time"),
-    ]
+class _FrictionElements(Table):
+    """Friction elements of a law, by which unloading differs from loading."""
 
     def added_to(self, law: Any) -> Any:
         """The law with friction.
@@ -264,10 +256,25 @@ class TensionFriction(Table):
         """
         from ..fabric.laws.friction import WithFriction
 
-        return WithFriction(law, self.limits_N_per_mm, self.onsets)
+        limits, onsets = (getattr(self, key) for key in self.__struct_fields__)
+        if "onsets_deg" in self.__struct_fields__:
+            onsets = tuple(map(radians, onsets))
+        return WithFriction(law, limits, onsets)
 
 
-class ShearFriction(Table):
+class TensionFriction(_FrictionElements):
+    """Friction elements of tension, by which unloading differs from loading."""
+
+    limits_N_per_mm: Annotated[
+        tuple[float, ...], about("limit of the force of each friction element")
+    ]
+    onsets: Annotated[
+        tuple[float, ...],
+        about("strain at which each element slips when loaded for the first time"),
+    ]
+
+
+class ShearFriction(_FrictionElements):
     """Friction elements of shear, by which unloading differs from loading."""
 
     limits_N_per_mm: Annotated[
@@ -278,15 +285,8 @@ class ShearFriction(Table):
         about("shear angle at which each element slips when loaded for the first time"),
     ]
 
-    def added_to(self, law: Any) -> Any:
-        """See `TensionFriction`."""
-        from ..fabric.laws.friction import WithFriction
 
-        onsets = [radians(onset) for onset in self.onsets_deg]
-        return WithFriction(law, self.limits_N_per_mm, onsets)
-
-
-class BendingFriction(Table):
+class BendingFriction(_FrictionElements):
     """Friction elements of bending, by which unloading differs from loading."""
 
     limits_N: Annotated[
@@ -297,12 +297,6 @@ class BendingFriction(Table):
         tuple[float, ...],
         about("curvature at which each element slips when loaded for the first time"),
     ]
-
-    def added_to(self, law: Any) -> Any:
-        """See `TensionFriction`."""
-        from ..fabric.laws.friction import WithFriction
-
-        return WithFriction(law, self.limits_N, self.onsets_per_mm)
 
 
 class InCompression(Table):

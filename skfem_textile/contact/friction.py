@@ -39,9 +39,9 @@ _STUCK = 0.1
 class Friction:
     """Friction of the contact points of a ply on one tool.
 
-    All vectors are in the axes of the tool, shape (3, n_nodes).  Of the values of the
-    tool's parameters it has ``bound``, b in N; ``normal``, n; ``slips_from``, X₀ in mm;
-    ``shear``, s in N; ``predicted``, σ in N; and ``work``, the work of sliding in
+    All vectors are in the axes of the tool, shape (3, n_nodes).  Its values among the
+    parameters of the tool are ``bound``, b in N; ``normal``, n; ``slips_from``, X₀ in
+    mm; ``shear``, s in N; ``predicted``, σ in N; and ``work``, the work of sliding in
     N·mm.
 
     Parameters
@@ -154,7 +154,7 @@ class Friction:
         return p["bound"] * y / np.maximum(size, self._slip)
 
     def _slipped(self, u: ndarray, t: float, p: Values) -> tuple[ndarray, ndarray]:
-        """Y and its magnitude in mm."""
+        """Slip y and its magnitude in mm."""
         moved = self._tangential(self._local(u, t) - p["slips_from"], p)
         y = self._elastic(p) + moved
         return y, np.linalg.norm(y, axis=0)
@@ -165,7 +165,7 @@ class Friction:
         return self._slip * _within(shear, bound) / np.where(bound > 0, bound, 1.0)
 
     def _height(self, size: ndarray) -> ndarray:
-        """H."""
+        """Huber's function h of the magnitude of a slip."""
         elastic = np.minimum(size, self._slip)
         return elastic**2 / (2 * self._slip) + size - elastic
 

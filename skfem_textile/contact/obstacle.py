@@ -427,14 +427,12 @@ class ToolTerm(ElementTerm):
         self._points = ContactPoints(obstacle.X, basis)
         self.nodes = self._points.nodes
 
-    def with_friction(self, *options: Any) -> None:
-        """Add Coulomb friction.
-
-        The options are coefficient, elastic slip and exact stick of `Friction`.
-        """
+    def with_friction(
+        self, coefficient: Callable[[float], float], slip: float, exact_stick: bool
+    ) -> None:
+        """Add Coulomb friction, see `Friction`."""
         from .friction import Friction
 
-        coefficient, slip, exact_stick = options
         place, at = self._obstacle.placement, self._points.in_planes
         self.friction = Friction(coefficient, slip, place, at, exact_stick)
 
@@ -443,7 +441,7 @@ class ToolTerm(ElementTerm):
         raise NotImplementedError
 
     def values_at_rest(self, values: dict[str, Any]) -> Values:
-        """Values of the term and, with friction, of it."""
+        """Values of the term, and of its friction if there is any."""
         if self.friction:
             values |= self.friction.at_rest(np.zeros(self._obstacle.X.size))
         return Values(values)

@@ -124,10 +124,6 @@ def work_of_tools(problem: Problem, u: ndarray, parameters: PlyParameters) -> fl
         force = tool.forces(u, t, parameters[tool.name])
         acts = (force > 0) & np.isfinite(closing)
         work += float(force[acts] @ closing[acts]) / STEP
-    for tool in problem.rubbing:
-        friction, p = tool.friction, parameters[tool.name]
-        before = friction.energy(u, (1 - STEP) * t, p)
-        work += (friction.energy(u, t, p) - before) / STEP
     return work
 
 

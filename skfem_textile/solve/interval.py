@@ -139,9 +139,7 @@ _OWN_TERM = (
     "the discretisation error of the term {} is not known; compare with a finer mesh"
 )
 
-_FRICTION = (
-    "intervals are measured for laws without friction only; compare with a finer mesh"
-)
+_FRICTION = "intervals are measured without friction only; compare with a finer mesh"
 
 _RELEASED = "conditions have ended; compare with a finer mesh"
 
@@ -250,7 +248,7 @@ def error_interval(
         return ErrorInterval(reason="the equilibrium is not stable")
     if not problem.constraints.free.size:
         return ErrorInterval(reason="no node is free: refine the mesh")
-    if problem.ply.fabric.has_friction:
+    if problem.ply.fabric.has_friction or problem.rubbing:
         return ErrorInterval(reason=_FRICTION)
     if problem.release and problem.release.phase(state.load_factor):
         return ErrorInterval(reason=_RELEASED)

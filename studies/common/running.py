@@ -2,14 +2,14 @@
 
 import logging
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from typing import Any
 
 from skfem_textile.solve.result import Result, StepError
 from skfem_textile.solve.stepper import LoadStepper
 from skfem_textile.solve.tolerance import ToleranceStepper
-from skfem_textile.sweep import WorkerProcesses
+from skfem_textile.sweep import ThisThread, WorkerProcesses
 
 #: Environment variables that limit linear-algebra libraries to one thread.
 ONE_THREAD = dict.fromkeys(
@@ -19,24 +19,9 @@ ONE_THREAD = dict.fromkeys(
 _LOG = logging.getLogger("skfem_textile")
 
 
-class InProcess(Executor):
-    """Executor that calls each function immediately, in this process."""
-
-    def submit(
-        self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any
-    ) -> Future[Any]:
-        """Call the function; the future stores errors, interruptions are raised."""
-        future: Future[Any] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
 def executor_of(workers: int) -> Executor:
     """Executor in this process for one worker, in worker processes for several."""
-    return InProcess() if workers == 1 else WorkerProcesses(workers)
+    return ThisThread() if workers == 1 else WorkerProcesses(workers)
 
 
 def in_new_process(function: Callable[..., Any], *arguments: Any) -> Any:

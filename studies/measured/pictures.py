@@ -29,6 +29,13 @@ _TEXT, _WIDE = 8, PAGE
 _OF_LAW = {FRAMES: 1, BIAS: 0}
 
 
+# Bands in a legend.
+_BANDS: dict[str, dict[str, Any]] = {
+    "band of the mean": {"color": _GREY, "alpha": 0.4, "lw": 5},
+    "band of a further specimen": {"color": _GREY, "ls": ":"},
+}
+
+
 def _band(axes: Any, rows: list[Row], colour: str, x: str) -> None:
     """Prediction with the band of the mean, and the band of a specimen."""
     at, force = array(rows, x), array(rows, "predicted")
@@ -92,7 +99,7 @@ def bias_extensions(fabric: str, rows: list[Row], file: Path) -> None:
             axes.set_title(name.replace("x", " × ", 1), fontsize=_TEXT)
         for axes in grid.flat[: len(names)][-columns:]:
             axes.set_xlabel("displacement (mm)")
-        legend(figure, _styles(), 3)
+        legend(figure, {**_styles(), **_BANDS}, 3)
 
 
 def frames(rows: list[Row], file: Path) -> None:
@@ -113,14 +120,14 @@ def frames(rows: list[Row], file: Path) -> None:
             for curve in of_fabric(fabric, FRAMES):
                 names = ["HKUST", "LMSP", "UML", "UT", "KUL 1st", "KUL 3rd", "UN"]
                 style = {"color": colour_of(2 + names.index(curve.name)), "lw": 1.0}
-                style |= {} if curve.first_loading else {"ls": "--"}
+                style |= {} if curve.first_loading else {"ls": "--", "color": _GREY}
                 known = curve.x <= UP_TO
                 axes.plot(curve.x[known], curve.y[known], **style)
                 styles[curve.name] = style
             axes.set_yscale("log")
             axes.set_ylim(1e-3, 1.0)
         predicted = {"color": colour_of(0), "lw": 1.6}
-        legend(figure, {"law of bias extensions": predicted, **styles}, 4)
+        legend(figure, {"law of bias extensions": predicted, **styles, **_BANDS}, 4)
 
 
 def _shear_forces(axes: Any, rows: list[Row], curves: Sequence[Any]) -> None:

@@ -126,6 +126,7 @@ def test_a_strip_between_two_plates_is_pulled_by_the_friction_of_both(steps):
     result = between_plates(2.0, 0, steps)
     assert result.states[-1].reactions["pull"][0] == pytest.approx(BOUND, rel=1e-6)
     assert result.path_resolved
+    assert "without friction only" in result.error.reason
 
 
 def test_the_work_of_sliding_is_that_of_the_pull_less_what_is_elastic():
