@@ -255,22 +255,13 @@ def _moved(
     """
     import numpy as np
 
+    from ..contact.tool import rotated_and_moved
+
     moved, angle = (
         amount(t) if callable(amount) else t * np.array(amount)
         for amount in (translation, degrees)
     )
-    turn = _rotation(axis, float(angle))
-    return turn, point - turn @ point + moved
-
-
-def _rotation(axis: Vector, degrees: float) -> "ndarray":
-    """Matrix of a rotation about an axis of any length, shape (3, 3)."""
-    import numpy as np
-    from scipy.spatial.transform import Rotation
-
-    unit = np.array(axis) / np.abs(axis).max()
-    unit /= np.linalg.norm(unit)
-    return np.asarray(Rotation.from_rotvec(degrees * unit, degrees=True).as_matrix())
+    return rotated_and_moved(moved, float(angle), axis, point)
 
 
 class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
@@ -302,11 +293,12 @@ class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
 
     def surface_in(self, axes: "Axes") -> "Surface":
         """See `ToolTable.surface_in`."""
+        from ..contact.tool import rotation_matrix
         from ..io import read_surface
 
         if not any(self.rotation_axis):
             raise ValueError("rotation_axis must not be zero")
-        turn = _rotation(self.rotation_axis, self.rotation_deg)
+        turn = rotation_matrix(self.rotation_axis, self.rotation_deg)
         surface = read_surface(self.source, self.unit)
         return surface.moved(turn.T @ (axes.origin - self.offset_mm), turn.T)
 

@@ -144,6 +144,12 @@ class HolderPressure(ToolTerm):
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
         self.parameters = self._pressed_areas = _Pressed(self, obstacle, basis)
 
+    def amounts_at(self, t: float) -> dict[str, ndarray]:
+        """See `ToolTerm.amounts_at`; also pressure or force."""
+        amount = self.rigid.force if self.rigid else self._pressure
+        name = "force" if self.rigid else "pressure"
+        return super().amounts_at(t) | {name: np.asarray(amount(t))}
+
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
         _, factors, _, local = self._nodes_under(u, t, p)
