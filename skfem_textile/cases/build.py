@@ -4,7 +4,7 @@ import filecmp
 import logging
 import os
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,7 +51,6 @@ from .schema import (
     Shear,
     Tension,
 )
-from .tools import ToolTable
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -87,6 +86,9 @@ _REQUIRED = {
     "output.calculix": "output.deck",
     "output.deck": "output.thickness_mm",
 }
+
+# Axis of rotation of the tools of a scene.
+_UP = (0.0, 0.0, 1.0)
 
 # Density of the mesh of a drawing before the conditions are known.
 _COARSE = 0.25
@@ -193,7 +195,9 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         laws = _fabric(file.tension, file.shear, file.bending)
     else:
         laws, assumed = fabric_of_file(file.fabric)
-    scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
+    scene = _with_tools(_scene(file, laws, density), file)
+    if file.phases:
+        scene = _in_phases(scene, file)
     if file.stepping.is_programme:
         scene = file.stepping.applied(scene)
     if file.mesh.outline is not None and scene.dimension == 3:
@@ -205,7 +209,10 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         _warn_of_other_directions(file, laws, scene, fabric)
     if file.regions:
         scene, fabric = _with_regions(scene, fabric, file)
-    loads = _loads(file.loads, scene.programme or proportional)
+    if scene.process and scene.process.loads:
+        loads = _loads(file.loads, scene.process.loads, scene.process.loads)
+    else:
+        loads = _loads(file.loads, scene.programme or proportional)
     if scene.rotation:
         loads = tuple(load.turned(scene.turn) for load in loads)
     fit = _fitted(scene, fabric, loads, file.mesh.as_is)
@@ -216,7 +223,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         fabric=fabric,
         loads=loads,
         formulation=file.formulation.construct() or fit.formulation,
-        steps=file.stepping.steps * file.stepping.parts,
+        steps=_steps(file, scene),
         method=file.stepping.method,
         warn_only=file.stepping.warn_only,
         solver=file.stepping.solver,
@@ -225,6 +232,14 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     )
     notes = filter(None, (_defaults(file, case, default), *assumed))
     return replace(case, defaults="; ".join(notes))
+
+
+def _steps(file: CaseFile, scene: "Scene") -> int | tuple[int, ...]:
+    """Number of load steps, or numbers for each phase."""
+    if scene.process:
+        return scene.process.steps
+    assert file.stepping.steps is not None  # it is refused beside phases only
+    return file.stepping.steps * file.stepping.parts
 
 
 def _fitted(
@@ -300,12 +315,14 @@ def refuse_incomplete(
             raise ValueError(f"{key} requires {required}")
 
 
-def _loads(of: Loads, factor: Factor = proportional) -> tuple[Any, ...]:
-    """Forces on boundaries and the weight."""
+def _loads(
+    of: Loads, factor: Factor = proportional, of_weight: Factor = 1.0
+) -> tuple[Any, ...]:
+    """Forces on boundaries and the weight, with their factors."""
     forces = tuple(Force(name, total, factor) for name, total in of.force_N.items())
     if (weight := of.weight_N_per_mm2) is None:
         return forces
-    return *forces, BodyForce(weight, factor=1.0, name="weight")
+    return *forces, BodyForce(weight, factor=of_weight, name="weight")
 
 
 def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
@@ -333,18 +350,25 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
 
 
-def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> "Scene":
+def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
     """Scene with the tools of the case."""
+    of, tables = file.scene, file.tools
     if tables and (scene.dimension == 2 or issubclass(of.declaration, OnTool)):
         where = "is in its plane" if scene.dimension == 2 else "lies on a surface"
         raise ValueError(
             f"[[tools]] do not apply to the scene {scene.name}, whose ply {where}: use "
             "the scene forming"
         )
-    tools = [
-        tool.build(name_of_tool(number), scene.axes)
-        for number, tool in enumerate(tables, 1)
-    ]
+    turned = {
+        name
+        for phase in file.phases
+        for name, tool in phase.tools.items()
+        if tool.motion_deg is not None
+    }
+    tools = []
+    for number, tool in enumerate(tables, 1):
+        what = name_of_tool(number)
+        tools.append(tool.build(what, scene.axes, (tool.name or what) in turned))
     all_tools = *scene.tools, *tools
     if not (scene.driven or all_tools):
         raise ValueError(
@@ -360,6 +384,46 @@ def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> 
     if tools and not issubclass(of.declaration, Formed):
         scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
     return replace(scene, tools=all_tools, driven=scene.driven or names[0])
+
+
+def _in_phases(scene: "Scene", file: CaseFile) -> "Scene":
+    """Scene whose tools move and press in phases.
+
+    Motions in phases replace the motions of tools that the scene moves.
+    """
+    from ..contact import Process
+
+    if not scene.tools:
+        raise ValueError(
+            f"[[phases]] do not apply to the scene {scene.name}, which has no tools: "
+            "use stepping.programme, or another scene"
+        )
+    phases = [phase.build() for phase in file.phases]
+    stated = file.loads.force_N or file.loads.weight_N_per_mm2 is not None
+    for phase in phases:
+        if phase.loads is not None and not stated:
+            raise ValueError(
+                f"phase {phase.name!r} states a factor of the loads, but there are "
+                "none: state them in [loads]"
+            )
+    own, origin = len(scene.tools) - len(file.tools), scene.axes.origin
+    axes: dict[str, tuple[Any, Any]] = {
+        tool.name: (_UP, -origin) for tool in scene.tools
+    }
+    for tool, table in zip(scene.tools[own:], file.tools, strict=True):
+        axes[tool.name] = table.motion_axis, table.motion_point_mm - origin
+    moved = {
+        name
+        for phase in phases
+        for name in phase.tools
+        if "motion" in phase.tools[name]
+    }
+    tools = [
+        replace(tool, motion=None) if tool.name in moved else tool
+        for tool in scene.tools[:own]
+    ]
+    process = Process(phases, [*tools, *scene.tools[own:]], axes)
+    return replace(scene, tools=process.tools, process=process)
 
 
 def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:

@@ -16,6 +16,7 @@ from msgspec import Struct
 
 from ..declarations.scenes import GRADED, AnyScene, WithTools
 from ..mesh.user_input import excerpt, printable
+from .phases import PhaseTable, ToolInPhase, furthest
 from .scenes import SCENES
 from .scenes import AnyScene as SceneTable
 from .schema import (
@@ -79,6 +80,7 @@ class CaseFile(Table):
     stepping: Stepping
     output: Output
     tools: tuple[AnyTool, ...]
+    phases: tuple[PhaseTable, ...]
     regions: dict[str, Region]
 
 
@@ -143,20 +145,20 @@ def declared(
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
             raise ValueError(f"regions must be a table, not {_quoted(regions)}")
-        tools = tables.get("tools", [])
-        if not isinstance(tools, list | tuple):
-            raise ValueError(
-                f"tools must be an array of tables, [[tools]], not {_quoted(tools)}"
-            )
-        case = converted(
-            "", {**_with_defaults(tables, scene), "tools": (), "regions": {}}, CaseFile
+        tools, phases = (_array_of(tables, name) for name in ("tools", "phases"))
+        of_phases = tuple(
+            _phase(f"phase_{number}", phase) for number, phase in enumerate(phases, 1)
         )
+        apart: dict[str, Any] = {"tools": (), "phases": (), "regions": {}}
+        filled = _with_defaults(_for_phases(tables, of_phases), scene)
+        case = converted("", {**filled, **apart}, CaseFile)
         case = msgspec.structs.replace(
             case,
             tools=tuple(
                 converted(name_of_tool(number), tool, AnyTool)
                 for number, tool in enumerate(tools, 1)
             ),
+            phases=of_phases,
             regions={
                 name: converted(
                     f"regions.{printable(name)}",
@@ -228,6 +230,54 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
 def name_of_tool(number: int) -> str:
     """Name in messages of a table of ``[[tools]]``, numbered from 1."""
     return f"tool_{number}"
+
+
+def _array_of(tables: Mapping[str, Any], name: str) -> Any:
+    """Array of tables; empty if it is missing."""
+    array = tables.get(name, [])
+    if not isinstance(array, list | tuple):
+        raise ValueError(
+            f"{name} must be an array of tables, [[{name}]], not {_quoted(array)}"
+        )
+    return array
+
+
+def _phase(where: str, table: Any) -> PhaseTable:
+    """Validated table of a phase; messages begin with ``where``."""
+    tools = table.get("tools", {}) if isinstance(table, dict) else {}
+    if not isinstance(tools, dict):
+        raise ValueError(f"{where}.tools must be a table, not {_quoted(tools)}")
+    if isinstance(table, dict):
+        table = {**table, "tools": {}}
+    phase: PhaseTable = converted(where, table, PhaseTable)
+    built = {
+        name: converted(f"{where}.tools.{printable(name)}", tool, ToolInPhase)
+        for name, tool in tools.items()
+    }
+    return msgspec.structs.replace(phase, tools=built)
+
+
+def _for_phases(
+    tables: Mapping[str, Any], phases: tuple[PhaseTable, ...]
+) -> Mapping[str, Any]:
+    """Tables without steps, and with the travel of the punch by the phases."""
+    scene, stepping = tables["scene"], tables.get("stepping", {})
+    if not (phases and isinstance(stepping, dict)):
+        return tables
+    if stepping.get("steps") is not None:
+        raise ValueError(
+            "stepping.steps does not apply beside [[phases]], each of which states its "
+            "own steps: omit it"
+        )
+    far, stated = furthest(phases, "punch"), scene.get("travel_mm")
+    if far is not None and "travel_mm" in SCENES[scene["name"]].__struct_fields__:
+        if stated not in (None, far):
+            raise ValueError(
+                f"scene.travel_mm is {_quoted(stated)}, but the phases move the punch, "
+                f"by up to {far:g} mm: omit scene.travel_mm"
+            )
+        scene = {**scene, "travel_mm": far}
+    return {**tables, "scene": scene, "stepping": {**stepping, "steps": None}}
 
 
 def _refuse_values(where: str, value: Any) -> None:

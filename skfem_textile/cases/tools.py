@@ -121,7 +121,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         about("law of compaction of the ply under this force"),
     ] = None
 
-    def build(self, what: str, axes: "Axes") -> "Tool | Holder":
+    def build(self, what: str, axes: "Axes", turned: bool = False) -> "Tool | Holder":
         """Build the tool.
 
         Parameters
@@ -130,6 +130,8 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             Its name in messages, and the default of its name.
         axes
             Axes of the ply in the axes of the tool.
+        turned
+            True if phases rotate it about its axis.
 
         Raises
         ------
@@ -149,7 +151,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             raise ValueError(f"{what}: {error}") from None
         common: dict[str, Any] = {
             "surface": surface,
-            "motion": self._motion(what, axes),
+            "motion": self._motion(what, axes, turned),
             "side": self.side,
             "thickness": self.thickness_mm,
             "outline": outline,
@@ -175,11 +177,11 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             values[position] = values[position] - axes.origin
         return self.implementation()(**values)
 
-    def _motion(self, what: str, axes: "Axes") -> Any:
+    def _motion(self, what: str, axes: "Axes", turned: bool) -> Any:
         translation = self._translation(what)
         given = self.motion_axis, self.motion_point_mm
         if not self.motion_deg:
-            if given != (_UP, _ORIGIN):
+            if given != (_UP, _ORIGIN) and not turned:
                 raise ValueError(
                     f"{what}: motion_axis and motion_point_mm require motion_deg: set "
                     "it too"

@@ -84,6 +84,16 @@ _EVERY: Options = {
         nargs="?",
         const=True,
     ),
+    "--from": option(
+        "repeat a process from --phase on with other values: the states before are "
+        "taken from the checkpoint of the run in FOLDER, which is not changed",
+        words.folder,
+        "FOLDER",
+        dest="states_of",
+    ),
+    "--phase": option(
+        "name of the phase with which a run --from another begins", metavar="NAME"
+    ),
     "--workers": option(
         "number of processes for --samples (default: one for each processor)",
         words.count,

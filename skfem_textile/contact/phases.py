@@ -93,6 +93,9 @@ _OF_TOOLS, _OF_HOLDERS = (
     ("gap", "pressure", "force"),
 )
 
+# Types of rows, and of a vector.
+_ROWS = list, tuple, ndarray
+
 # Relative difference of two values that is round-off.
 _SAME = 1e-9
 
@@ -203,9 +206,10 @@ class Process:
     Raises
     ------
     ValueError
-        If a name is given twice or unknown, a tool has a motion of its own and another
-        in phases, the rows of a phase run backwards, do not begin at the value at which
-        the previous phase ends, or turn back within a step, or a value is not valid.
+        If a name is given twice or unknown, a tool has another motion besides
+        the phases, the rows of a phase run backwards, do not begin at the value at
+        which the previous phase ends, or turn back within a step, or a value is not
+        valid.
 
     Examples
     --------
@@ -282,8 +286,8 @@ class Process:
             return tool
         if callable(tool.motion) or (tool.motion is not None and np.any(tool.motion)):
             raise ValueError(
-                f"tool {tool.name!r} has a motion of its own and is moved by phases, "
-                "which would put it in two places: omit one of the motions"
+                f"tool {tool.name!r} has a motion besides the motions of phases, which "
+                "would put it in two places: omit one of them"
             )
         if rotation is None:
             return replace(tool, motion=motion)
@@ -330,7 +334,7 @@ class Process:
         if all(value is None for value in stated):
             return None
         quantity, amount = _QUANTITIES[of.partition(" ")[0]], InPhases(self.steps)
-        before, left = np.ravel(start), "it begins"
+        before, left = np.ravel(start), "before it is"
         for k, (phase, value) in enumerate(zip(self.phases, stated, strict=True)):
             what = f"phase {phase.name!r}: {of}"
             given = before if value is None else value
@@ -362,9 +366,12 @@ class Process:
                     f"{_text(rows[:, 0])}"
                 )
             return rows, self._travels[value.tool]
-        if np.ndim(value) and np.ndim(value[0]):
+        if isinstance(value, _ROWS) and len(value) and isinstance(value[0], _ROWS):
             return _of_shares(what, _array(what, value, of), before, steps), None
-        end = _array(what, [[0.0, *np.ravel(value)]], of)[0, 1:]
+        given = np.ravel(np.asarray(value, dtype=object)).tolist()
+        if len(given) != of.components:
+            raise _wrong(what, value, of)
+        end = _array(what, [[0.0, *given]], of)[0, 1:]
         begin = end if of.jumps else before
         return np.array([[0.0, *begin], [1.0, *end]]), None
 
@@ -453,6 +460,15 @@ def _refuse_phases(phases: Sequence[Phase], tools: Sequence[str]) -> None:
                     )
 
 
+def _wrong(what: str, value: Any, of: _Quantity) -> ValueError:
+    """Error of a value that has another shape."""
+    numbers = "a number" if of.components == 1 else f"{of.components} numbers"
+    return ValueError(
+        f"{what} must be {numbers}, or rows of a share and {numbers}, got "
+        f"{shortened(value)}"
+    )
+
+
 def _array(what: str, rows: Any, of: _Quantity) -> ndarray:
     """Validated rows, shape (n, 1 + components)."""
     try:
@@ -460,11 +476,7 @@ def _array(what: str, rows: Any, of: _Quantity) -> ndarray:
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.ndim != 2 or array.shape[1] != 1 + of.components:
-        numbers = "a number" if of.components == 1 else f"{of.components} numbers"
-        raise ValueError(
-            f"{what} must be {numbers}, or rows of a share and {numbers}, got "
-            f"{shortened(rows)}"
-        )
+        raise _wrong(what, rows, of)
     if not np.isfinite(array).all():
         raise ValueError(f"{what} must be finite, got {shortened(rows)}")
     if (
