@@ -33,7 +33,7 @@ _ROWS = (
 
 
 class ToolInPhase(Table):
-    """What changes of a tool in a phase; the rest keeps its value."""
+    """Changes of a tool in a phase; the rest keeps its value."""
 
     motion_mm: Annotated[
         tuple[float | tuple[float, float, float, float], ...] | None,
@@ -57,7 +57,7 @@ class ToolInPhase(Table):
     ] = None
 
     def build(self) -> dict[str, Any]:
-        """What changes, by the names of `contact.Phase`, angles in radians."""
+        """Values by the names of `contact.Phase`, angles in radians."""
         built = {
             _NAMES[key]: built_value(value)
             for key in self.__struct_fields__
