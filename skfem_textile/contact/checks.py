@@ -101,10 +101,10 @@ def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> bool:
     return touched
 
 
-def _load_factors(tools: Sequence[ToolTerm]) -> list[float]:
-    """Load factors at which tools are checked, with the ends of phases."""
+def _load_factors(tools: Sequence[ToolTerm], intervals: int = _PUSHES) -> list[float]:
+    """Load factors between equal intervals, and at the ends of phases."""
     motions = (getattr(tool._obstacle.motion, "load_factors", ()) for tool in tools)
-    every = (np.linspace(0, 1, _PUSHES + 1), *motions)
+    every = (np.linspace(0, 1, intervals + 1), *motions)
     return np.unique(np.concatenate(every)).tolist()
 
 
@@ -165,7 +165,7 @@ def _refuse_crossing(
 def _refuse_untouched(ply: Ply, tools: Sequence[ToolContact]) -> None:
     """Refuse tools that reach the undeformed ply at no load factor."""
     flat, nearest, name, at = ply.basis.zeros(), np.inf, "", 0.0
-    for t in np.linspace(0, 1, _INTERVALS + 1).tolist():
+    for t in _load_factors(tools, _INTERVALS):
         for tool in tools:
             gap = float(tool.gaps(flat, t).min(initial=np.inf))
             if gap <= _FREE * _size(ply):

@@ -203,9 +203,12 @@ class HolderPressure(ToolTerm):
 def function_of(
     what: str, amount: Amount | None, least: float, unit: str, most: float = np.inf
 ) -> Callable[[float], float]:
-    """Function of the load factor, validated at each of its values."""
+    """Function of the load factor, validated at each of its values.
+
+    Before a run at equal intervals, and at the ends of phases.
+    """
     at = partial(_amount_at, what, amount, (least, most), unit)
-    for t in np.linspace(0.0, 1.0, _CHECKED):
+    for t in (*np.linspace(0.0, 1.0, _CHECKED), *getattr(amount, "load_factors", ())):
         at(float(t))
     return at
 
