@@ -336,11 +336,29 @@ def tables_of_options(
         *around, key = path.split(".")
         table: Any = case
         for name in around:
-            table = table.setdefault(name, {})
-            if not isinstance(table, dict):
-                raise ValueError(f"--set {path}: {name} is a value, not a table")
+            table = _inner(path, table, name)
+        if not isinstance(table, dict):
+            raise ValueError(f"--set {path}: {key} is not a table of {around[-1]}")
         table[key] = value
     return case
+
+
+def _inner(path: str, table: Any, name: str) -> Any:
+    """A table of a table, or the one with a name of an array of tables."""
+    if isinstance(table, list):
+        tables = (one for one in table if isinstance(one, dict) and "name" in one)
+        by_name = {str(one["name"]): one for one in tables}
+        if name not in by_name:
+            known = ", ".join(map(printable, by_name)) or "none"
+            raise ValueError(
+                f"--set {path}: no table with the name {printable(name)}; names are: "
+                f"{known}"
+            )
+        return by_name[name]
+    inner = table.setdefault(name, {})
+    if not isinstance(inner, dict | list):
+        raise ValueError(f"--set {path}: {name} is a value, not a table")
+    return inner
 
 
 def _joined(value: Any) -> Any:

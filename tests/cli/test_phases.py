@@ -67,10 +67,13 @@ def test_a_run_without_phases_has_no_table(tmp_path, capsys):
     assert "phase" not in (tmp_path / "out" / "history.csv").read_text()
 
 
-def repeat(run, out, *words, old="out", text=PHASES):
+CHANGED = "phases.press.tools.punch.motion_mm=[0, 0, 5]"
+
+
+def repeat(run, out, *words, old="out", text=PHASES, change=CHANGED):
     case = out / "other.toml"
-    case.write_text(text.replace("[0, 0, 6]", "[0, 0, 5]"))
-    at = ["--from", str(run / old), *words]
+    case.write_text(text)
+    at = ["--from", str(run / old), "--set", change, *words]
     return main(["run", str(case), "--no-render", "--out", str(out / "new"), *at])
 
 
@@ -82,6 +85,19 @@ def test_a_phase_is_repeated_with_another_value(run, tmp_path, capsys):
     new, old = (rows(x / "phases.csv") for x in (tmp_path / "new", run / "out"))
     assert new[0] == old[0]
     assert new[1]["punch_force_N"] != old[1]["punch_force_N"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("phases.pres.steps=2", "no table with the name pres; names are: lift, press"),
+        ("phases.press=2", "press is not a table of phases"),
+        ("phases.press.steps.x=2", "steps is a value, not a table"),
+    ],
+)
+def test_a_key_that_is_not_in_a_phase_is_refused(tmp_path, capsys, change, message):
+    assert repeat(tmp_path, tmp_path, "--phase", "press", change=change) == 2
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
