@@ -4,7 +4,7 @@ import filecmp
 import logging
 import os
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,6 +55,7 @@ from .schema import (
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
 
+    from ..contact import Holder, Tool
     from ..outlines import Outline
     from ..outlines.fitting import Fitted
     from ..scenes import Scene
@@ -196,8 +197,6 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     else:
         laws, assumed = fabric_of_file(file.fabric)
     scene = _with_tools(_scene(file, laws, density), file)
-    if file.phases:
-        scene = _in_phases(scene, file)
     if file.stepping.is_programme:
         scene = file.stepping.applied(scene)
     if file.mesh.outline is not None and scene.dimension == 3:
@@ -383,17 +382,19 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
             )
     if tools and not issubclass(of.declaration, Formed):
         scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
-    return replace(scene, tools=all_tools, driven=scene.driven or names[0])
+    scene = replace(scene, driven=scene.driven or names[0])
+    if file.phases:
+        return _in_phases(scene, file, tools)
+    return replace(scene, tools=all_tools)
 
 
-def _in_phases(scene: "Scene", file: CaseFile) -> "Scene":
-    """Scene whose tools move and press in phases.
+def _in_phases(
+    scene: "Scene", file: CaseFile, tools: Sequence["Tool | Holder"]
+) -> "Scene":
+    """Scene whose tools, and the tools of the case, move and press in phases."""
+    from ..scenes.processes import in_phases
 
-    Motions in phases replace the motions of tools that the scene moves.
-    """
-    from ..contact import Process
-
-    if not scene.tools:
+    if not (scene.tools or tools):
         raise ValueError(
             f"[[phases]] do not apply to the scene {scene.name}, which has no tools: "
             "use stepping.programme, or another scene"
@@ -406,24 +407,13 @@ def _in_phases(scene: "Scene", file: CaseFile) -> "Scene":
                 f"phase {phase.name!r} states a factor of the loads, but there are "
                 "none: state them in [loads]"
             )
-    own, origin = len(scene.tools) - len(file.tools), scene.axes.origin
+    origin = scene.axes.origin
     axes: dict[str, tuple[Any, Any]] = {
         tool.name: (_UP, -origin) for tool in scene.tools
     }
-    for tool, table in zip(scene.tools[own:], file.tools, strict=True):
+    for tool, table in zip(tools, file.tools, strict=True):
         axes[tool.name] = table.motion_axis, table.motion_point_mm - origin
-    moved = {
-        name
-        for phase in phases
-        for name in phase.tools
-        if "motion" in phase.tools[name]
-    }
-    tools = [
-        replace(tool, motion=None) if tool.name in moved else tool
-        for tool in scene.tools[:own]
-    ]
-    process = Process(phases, [*tools, *scene.tools[own:]], axes)
-    return replace(scene, tools=process.tools, process=process)
+    return in_phases(scene, phases, tools, axes)
 
 
 def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:

@@ -99,20 +99,20 @@ def _first(folder: Path, summary: Mapping[str, Any]) -> Sequence[Row]:
         raise ValueError(damaged) from None
 
 
-def _phases(folder: Path) -> list[list[str]]:
-    """Table of the phases of a run with its header; empty if there are none."""
+def _phases(folder: Path) -> list[list[float | str]]:
+    """Table of a run with a column for each phase; empty if there are none."""
     if not (folder / PHASES).is_file():
         return []
     rows = [*csv.reader(content_of(folder / PHASES).splitlines())]
     if not rows or any(len(row) != len(rows[0]) for row in rows):
         raise ValueError(f"{printable(folder / PHASES)} is damaged: repeat the run")
-    return [[_short(cell) for cell in row] for row in rows]
+    return [[_short(cell) for cell in column] for column in zip(*rows, strict=True)]
 
 
-def _short(cell: str) -> str:
-    """Number with four digits; any other text unchanged."""
+def _short(cell: str) -> float | str:
+    """Number of four digits; any other text unchanged."""
     try:
-        return f"{float(cell):.4g}"
+        return float(f"{float(cell):.4g}")
     except ValueError:
         return cell
 

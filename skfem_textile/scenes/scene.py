@@ -549,11 +549,7 @@ def _composed(factor: Factor, programme: "Programme") -> Factor:
     """Factor at the load factor of a programme."""
     if factor is proportional:
         return programme
-    return partial(_factor_at, of=factor, programme=programme)
-
-
-def _factor_at(t: float, of: Any, programme: "Programme") -> float:
-    return float(of(programme(t)))
+    return partial(_end_at, of=factor, programme=programme)
 
 
 def _end_at(t: float, of: Any, programme: "Programme") -> Any:

@@ -57,6 +57,7 @@ def test_the_report_contains_the_table(run, capsys):
     assert main(["report", str(run / "out")]) == 0
     page = (run / "out" / "report.html").read_text(encoding="utf-8")
     assert "<h2>Phases</h2>" in page
+    assert "<th>phase</th><th>lift</th><th>press</th>" in page
     assert ">max_draw_in_mm<" in page
 
 
