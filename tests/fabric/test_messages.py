@@ -25,6 +25,7 @@ from skfem_textile import (
 from skfem_textile.fabric import CrimpedYarns, Softening
 from skfem_textile.fabric.directions import AlongCurve, FibreDirections
 from skfem_textile.fabric.files import read_law
+from skfem_textile.fabric.law import refuse_other_units
 from tests.helpers import refused
 
 
@@ -134,6 +135,30 @@ BOTH = CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0)
 )
 def test_a_law_of_both_families_is_refused(call, text):
     refused(call, text)
+
+
+def at_rest(force):
+    return TensionOnly(Tabulated([0, 1e-4], [force, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("call", "accepted", "value", "text"),
+    [
+        (lambda x: refuse_other_units("x", x, "tension"), 0.5, 2.0, "largest strain"),
+        (lambda x: refuse_other_units("x", x, "bending"), 0.5, 2.0, "radius of 1 mm"),
+        (
+            lambda x: refuse_other_units("x", np.pi / 2 * (1 + x), "shear"),
+            *(3e-10, 3e-9, "a right angle"),
+        ),
+        (lambda x: crimp(crimp=x)(), 0.4, 0.6, "a ratio of at most 0.5"),
+        (lambda x: yarns(crimp=x)(), 0.8, 1.2, "a ratio of at most 1,"),
+        (lambda x: Fabric(warp=(1, 0), weft=(1, x)), 3e-6, 3e-7, "parallel"),
+        (at_rest, 3e-10, 3e-9, "must be zero at rest"),
+    ],
+)
+def test_a_value_is_refused_beyond_a_limit(call, accepted, value, text):
+    call(accepted)
+    refused(lambda: call(value), text)
 
 
 # Fabrics and directions
