@@ -86,7 +86,8 @@ def test_directions_along_first_edges_are_reported_and_fields_are_not():
 
 
 @pytest.mark.parametrize(
-    ("degrees", "n_others", "is_told"), [(0.02, 2, True), (0.2, 2, False), (0, 5, False)]
+    ("degrees", "n_others", "is_told"),
+    [(0.02, 2, True), (0.2, 2, False), (0, 5, False)],
 )
 def test_most_directions_follow_edges_if_they_are_reported(degrees, n_others, is_told):
     turn = np.radians(np.where(np.arange(30) < n_others, 10.0, degrees))

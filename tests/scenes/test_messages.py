@@ -1,5 +1,8 @@
 """Invalid meshes, sides, angles and moves of scenes are refused by name."""
 
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from skfem import MeshHex, MeshQuad
@@ -16,6 +19,7 @@ from skfem_textile.scenes import (
     strip,
     trellis,
 )
+from skfem_textile.scenes.drape import _refuse_sizes
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import sheared
 
@@ -140,3 +144,13 @@ def test_a_scene_is_refused(make, arguments, text):
         make(**arguments)
     if not isinstance(arguments.get("mesh", ""), str):
         assert isinstance(raised.value, MeshError)
+
+
+@pytest.mark.parametrize(
+    ("area", "text"),
+    [(1.5, ""), (3.0, "a smaller ply"), (3e-5, ""), (3e-6, "a larger ply")],
+)
+def test_a_ply_of_another_size_than_its_tool_is_refused(area, text):
+    ply = MeshQuad().scaled(area**0.5)
+    with pytest.raises(ValueError, match=text) if text else nullcontext():
+        _refuse_sizes(SimpleNamespace(area=1.0), ply)
