@@ -70,7 +70,6 @@ def checked_gap(gap):
     [
         (lambda scale: checked_triangle(1.0, scale), 3e-100, 3e-101, "degenerate"),
         (checked_gap, 3e-6, 3e-7, "coincide with others: 24, 25"),
-        (lambda side: refuse_metres(side * SHEET.p), 2.0, 0.5, "in metres"),
         (lambda side: refuse_metres(side * SHEET.p), 1 - 3e-10, 1 - 3e-9, "in metres"),
     ],
 )

@@ -20,7 +20,7 @@ from skfem_textile.scenes import (
     trellis,
 )
 from skfem_textile.scenes.drape import _refuse_sizes
-from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.scenes.rectangle import in_planes, rectangle
 from skfem_textile.scenes.trellis import sheared
 
 STEEP = {"warp": np.radians(60), "weft": np.radians(120)}
@@ -154,3 +154,10 @@ def test_a_ply_of_another_size_than_its_tool_is_refused(area, text):
     ply = MeshQuad().scaled(area**0.5)
     with pytest.raises(ValueError, match=text) if text else nullcontext():
         _refuse_sizes(SimpleNamespace(area=1.0), ply)
+
+
+@pytest.mark.parametrize(("off", "text"), [(3e-7, ""), (3e-6, "at the origin")])
+def test_a_quarter_is_at_the_origin_up_to_rounding(off, text):
+    mesh = rectangle(1, 1, (2, 2)).translated((off, 0.0))
+    with pytest.raises(MeshError, match=text) if text else nullcontext():
+        in_planes("hemisphere", mesh)
