@@ -178,6 +178,8 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         return self.implementation()(**values)
 
     def _motion(self, what: str, axes: "Axes", turned: bool) -> Any:
+        if not any(self.motion_axis):
+            raise ValueError(f"{what}: motion_axis must not be zero")
         translation = self._translation(what)
         given = self.motion_axis, self.motion_point_mm
         if not self.motion_deg:
@@ -187,8 +189,6 @@ class ToolTable(DeclaredTable, tag_field="surface"):
                     "it too"
                 )
             return translation
-        if not any(self.motion_axis):
-            raise ValueError(f"{what}: motion_axis must not be zero")
         angle = _amount(f"{what}.motion_deg", self.motion_deg)
         point = self.motion_point_mm - axes.origin
         axis = self.motion_axis

@@ -241,8 +241,8 @@ class Process:
         axes: Mapping[str, tuple[Sequence[float], Any]] | None = None,
     ) -> None:
         self.phases = tuple(phases)
-        self.names = [phase.name for phase in self.phases]
         _refuse_phases(self.phases, [tool.name for tool in tools])
+        self.names = [phase.name for phase in self.phases]
         self.steps = tuple(phase.steps for phase in self.phases)
         self._ends = ends_of_parts(len(self.phases))
         moving = [self._moving(tool, (axes or {}).get(tool.name)) for tool in tools]
@@ -427,37 +427,51 @@ def _refuse_phases(phases: Sequence[Phase], tools: Sequence[str]) -> None:
     """Refuse phases without names or steps, and unknown tools or quantities."""
     if not phases:
         raise ValueError("a process has at least one phase")
-    names = [phase.name for phase in phases]
+    names = [getattr(phase, "name", None) for phase in phases]
     for phase in phases:
+        if not isinstance(phase, Phase):
+            raise ValueError(f"a phase must be a Phase, got {shortened(phase)}")
         if not (isinstance(phase.name, str) and phase.name):
             raise ValueError(
                 f"the name of a phase must be text, got {shortened(phase.name)}"
             )
-        what = f"phase {shortened(phase.name)}"
         if names.count(phase.name) > 1:
             raise ValueError(f"two phases have the name {phase.name!r}: rename one")
-        steps = phase.steps
-        if (
-            isinstance(steps, bool)
-            or not isinstance(steps, int | np.integer)
-            or steps < 1
-        ):
+        steps, what = phase.steps, f"phase {phase.name!r}"
+        whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
+        if not (whole and steps >= 1):
             raise ValueError(
                 f"{what}: steps must be a whole number of at least 1, got "
                 f"{shortened(steps)}"
             )
-        for tool, stated in phase.tools.items():
-            if tool not in tools:
+        _refuse_unknown(what, phase.tools, tools)
+
+
+def _refuse_unknown(what: str, stated: Any, tools: Sequence[str]) -> None:
+    """Refuse changes of unknown tools, or of quantities that tools do not have."""
+    if not isinstance(stated, Mapping):
+        raise ValueError(
+            f"{what}: tools must be a dictionary by names of tools, got "
+            f"{shortened(stated)}"
+        )
+    known = *_OF_TOOLS, *_OF_HOLDERS
+    for tool, changes in stated.items():
+        if tool not in tools:
+            raise ValueError(
+                f"{what}: there is no tool {shortened(tool)}: choose from "
+                f"{', '.join(tools)}"
+            )
+        if not isinstance(changes, Mapping):
+            raise ValueError(
+                f"{what}: changes of {tool!r} must be a dictionary with some of "
+                f"{', '.join(known)}, got {shortened(changes)}"
+            )
+        for quantity in changes:
+            if quantity not in known:
                 raise ValueError(
-                    f"{what}: there is no tool {shortened(tool)}: choose from "
-                    f"{', '.join(tools)}"
+                    f"{what}: tool {tool!r} has no {shortened(quantity)}: choose "
+                    f"from {', '.join(known)}"
                 )
-            for quantity in stated:
-                if quantity not in (*_OF_TOOLS, *_OF_HOLDERS):
-                    raise ValueError(
-                        f"{what}: tool {tool!r} has no {shortened(quantity)}: choose "
-                        f"from {', '.join((*_OF_TOOLS, *_OF_HOLDERS))}"
-                    )
 
 
 def _wrong(what: str, value: Any, of: _Quantity) -> ValueError:

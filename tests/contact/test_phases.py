@@ -172,6 +172,11 @@ def holding(**amounts):
     [
         ("at least one phase", []),
         ("name of a phase must be text", [Phase("", 1)]),
+        ("a phase must be a Phase, got 3", [CLOSE, 3]),
+        ("tools must be a dictionary", [Phase("x", 1, [3])]),
+        ("changes of 'die' must be a dictionary", [Phase("x", 1, {"die": 3})]),
+        ("gap of 'holder' must be a number, or rows", [holding(gap="wide")]),
+        ("gap of 'holder' must be a number, or rows", [holding(gap=[[0, 1, 2]])]),
         ("two phases have the name 'close'", [CLOSE, CLOSE]),
         ("phase 'x': steps must be a whole", [Phase("x", 0)]),
         ("no tool 'pinch': choose from punch, die", [Phase("x", 1, {"pinch": {}})]),
