@@ -427,14 +427,12 @@ class ToolTerm(ElementTerm):
         self._points = ContactPoints(obstacle.X, basis)
         self.nodes = self._points.nodes
 
-    def with_friction(
-        self, coefficient: Callable[[float], float], slip: float, exact_stick: bool
-    ) -> None:
+    def with_friction(self, coefficient: Callable[[float], float], slip: float) -> None:
         """Add Coulomb friction, see `Friction`."""
         from .friction import Friction
 
         place, at = self._obstacle.placement, self._points.in_planes
-        self.friction = Friction(coefficient, slip, place, at, exact_stick)
+        self.friction = Friction(coefficient, slip, place, at)
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Normal forces on the contact points in N, shape (n_nodes,)."""

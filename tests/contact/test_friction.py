@@ -24,7 +24,6 @@ from skfem_textile import (
 )
 from skfem_textile.contact import Compaction, MeasuredCompaction, tool_history
 from skfem_textile.contact.compaction import RigidHolder
-from skfem_textile.contact.friction import Friction
 from skfem_textile.ply.parameters import Values
 
 PLANE = drape.Plane((0.0, 0.0, 0.0))
@@ -150,50 +149,17 @@ def test_a_loop_dissipates_its_area():
     assert work == pytest.approx(BOUND * (8.0 - 5 * elastic), rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("exact", "pull", "least", "most"),
-    [(True, 0.04, 0, 5e-4), (True, 0.14, 0, 1.5e-3), (False, 0.04, 3e-3, 1)],
-)
-def test_with_exact_stick_a_strip_does_not_slip_below_its_bound(
-    exact, pull, least, most
-):
-    """A pull below 0.15 N/mm moves it by its elastic slip, or hardly at all.
-
-    Near the bound a long step does not converge, and shorter ones do.
-    """
-    stick = {"side": 1, "friction": 0.3, "exact_stick": exact}
-    plate = Tool(PLANE, name="plate", **stick)
+def test_a_strip_slips_elastically_below_its_bound():
+    """A pull of 0.04 of 0.15 N/mm moves it by this share of its elastic slip."""
+    plate = Tool(PLANE, side=1, friction=0.3, name="plate")
     weight = Holder(PLANE, pressure=0.01, side=1, name="weight")
-    load = Traction("right", (pull, 0.0, 0.0))
+    load = Traction("right", (0.04, 0.0, 0.0))
     mesh = grid(50.0, 10.0, 5, 1)
     fabric = Fabric(1e6, 10.0, bending=(1.0, 1.0))
     ply = Ply(mesh, fabric, terms=[plate, weight, load], dimension=3)
     held = {"y": Condition("bottom", (None, 0.0, None))}
     state = LoadStepper(ply, held, steps=1).run().states[-1]
-    contact = next(term for term in ply.terms if term.name == "plate")
-    friction = contact.friction.forces(state.u, 1.0, state.parameters["plate"])
-    assert friction[:, 0].sum() == pytest.approx(10.0 * pull, rel=1e-6)
-    assert least <= np.abs(state.u[::3]).min() <= np.abs(state.u[::3]).max() < most
-
-
-def test_with_exact_stick_only_sliding_nodes_do_work():
-    """A node that sticks keeps a slip of round-off, of either sign."""
-    friction = Friction(
-        lambda t: 0.5,
-        0.05,
-        lambda t: (np.eye(3), np.zeros(3)),
-        lambda u: u.reshape(-1, 3).T,
-        exact_stick=True,
-    )
-    u = np.array([[-0.001, 0.0, 0.0], [0.2, 0.0, 0.0]])
-    values = friction.at_rest(np.zeros(6)) | {
-        "bound": np.ones(2),
-        "normal": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]),
-        "shear": np.array([[0.5, 1.0], [0.0, 0.0], [0.0, 0.0]]),
-    }
-    for slips, work in ((u, 0.2), (u * [[1], [0]], 0.0)):
-        after = friction.advanced(Values(values), slips.ravel(), 1.0)
-        assert after["work"] == pytest.approx(work, abs=1e-15)
+    assert state.u[::3] == pytest.approx(0.02 * 0.04 / 0.15, rel=0.05)
 
 
 # A holder with a force
