@@ -8,7 +8,7 @@ integral of its shape function: the corners of quadratic triangles, whose integr
 vanishes, touch no tool.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
@@ -448,6 +448,19 @@ class ToolTerm(ElementTerm):
         """Derivative of the residual with the parameters held fixed."""
         matrices = self.matrices(u, t, p)
         return None if matrices is None else self._points.tangent(matrices)
+
+    def contradictions(self, states: Sequence[Any]) -> list[str]:
+        """Friction without effect, see `Ply.contradictions`."""
+        complete = states[-1].load_factor == 1
+        if self.friction and complete and not any(map(self._presses, states)):
+            what = self._obstacle.what
+            return [f"friction of {what} has no effect: it touches nothing"]
+        return []
+
+    def _presses(self, state: Any) -> bool:
+        """True if it presses on a node in a state."""
+        p = state.parameters[self.name]
+        return bool(self.forces(state.u, state.load_factor, p).any())
 
     def travel(self, t: float) -> ndarray:
         """Translation from the initial position in mm, shape (3,)."""
