@@ -188,6 +188,11 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     """
     with_files(file, _refuse_missing)
     _refuse_contradictions(file)
+    if file.vary:
+        log.warning(
+            "the table [vary] is for sweeps (`skfem-textile sweep`): this case has the "
+            "values of its other tables"
+        )
     assumed: list[str] = []
     if file.fabric.file is None:
         laws = _fabric(file.tension, file.shear, file.bending)

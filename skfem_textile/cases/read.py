@@ -5,7 +5,7 @@ import math
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from types import NoneType, UnionType
@@ -37,6 +37,7 @@ from .schema import (
 from .tables import (
     FILE,
     Table,
+    about,
     named,
     tag_of,
 )
@@ -80,6 +81,10 @@ class CaseFile(Table):
     output: Output
     tools: tuple[AnyTool, ...]
     regions: dict[str, Region]
+    vary: Annotated[
+        dict[str, tuple[Any, ...]],
+        about("values of any key, such as scene.fibres_deg = [0, 45], for a sweep"),
+    ]
 
 
 class CaseFileError(ValueError):
@@ -149,10 +154,13 @@ def declared(
                 f"tools must be an array of tables, [[tools]], not {_quoted(tools)}"
             )
         case = converted(
-            "", {**_with_defaults(tables, scene), "tools": (), "regions": {}}, CaseFile
+            "",
+            {**_with_defaults(tables, scene), "tools": (), "regions": {}, "vary": {}},
+            CaseFile,
         )
         case = msgspec.structs.replace(
             case,
+            vary=varied(tables.get("vary", {})),
             tools=tuple(
                 converted(name_of_tool(number), tool, AnyTool)
                 for number, tool in enumerate(tools, 1)
@@ -223,6 +231,80 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
                 else tuple(path_of(path, one) for one in value)
             )
     return msgspec.structs.replace(table, **changed)
+
+
+def varied(table: Any, where: str = "vary") -> dict[str, tuple[Any, ...]]:
+    """Values by the path of their key, of a table that may contain tables.
+
+    Raises
+    ------
+    ValueError
+        If they are not arrays of at least two different values.
+    """
+    if not isinstance(table, Mapping):
+        raise ValueError(
+            f"{where} must be an array of at least two different values, not "
+            f"{_quoted(table)}"
+        )
+    values: dict[str, tuple[Any, ...]] = {}
+    for key, of_key in table.items():
+        path = f"{where}.{printable(key)}"
+        if isinstance(of_key, list | tuple):
+            if len({repr(value) for value in of_key}) < max(len(of_key), 2):
+                raise ValueError(
+                    f"{path} must be an array of at least two different values"
+                )
+            values[path.removeprefix("vary.")] = tuple(of_key)
+        else:
+            values |= varied(of_key, path)
+    return values
+
+
+def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """Tables of a case with another value of a key.
+
+    Parameters
+    ----------
+    tables
+        The tables, which remain as they are.
+    path
+        Table and key, such as ``stepping.steps``.  A table of an array, such as
+        ``[[tools]]``, is selected by its name, or its number from 1.
+    value
+        The value.
+
+    Raises
+    ------
+    ValueError
+        If the path leads through a value, or there is no such table of an array.
+    """
+    first, _, rest = path.partition(".")
+    if not rest:
+        return {**tables, first: value}
+    inner = tables.get(first, {})
+    if isinstance(inner, Mapping):
+        return {**tables, first: with_value(inner, rest, value)}
+    if not (
+        isinstance(inner, list | tuple) and all(isinstance(x, dict) for x in inner)
+    ):
+        raise ValueError(f"{printable(first)} is a value, not a table")
+    name, _, key = rest.partition(".")
+    names = [str(one.get("name", i)) for i, one in enumerate(inner, 1)]
+    if (at := index_of(inner, name)) is None or not key:
+        raise ValueError(
+            f"{printable(first)} has no table {printable(name)!r}: write "
+            f"{first}.NAME.KEY with the name or number of one of "
+            f"{', '.join(map(printable, names)) or 'none'}"
+        )
+    changed = [with_value(x, key, value) if i == at else x for i, x in enumerate(inner)]
+    return {**tables, first: changed}
+
+
+def index_of(tables: Sequence[Mapping[str, Any]], name: str) -> int | None:
+    """Index of a table of an array by its name, or number from 1; None if missing."""
+    names = [str(one.get("name")) for one in tables]
+    names += map(str, range(1, len(tables) + 1))
+    return names.index(name) % len(tables) if name in names else None
 
 
 def name_of_tool(number: int) -> str:
