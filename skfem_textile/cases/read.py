@@ -62,6 +62,9 @@ _KINDS = {
     "time": "a time",
 }
 
+# Arrays of tables.
+_ARRAYS = ("tools",)
+
 # Laws by the suffix of a file.
 _OF_FILES = {".csv": "FILE.csv", ".json": "FILE.json"}
 
@@ -281,7 +284,7 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
     first, _, rest = path.partition(".")
     if not rest:
         return {**tables, first: value}
-    inner = tables.get(first, {})
+    inner = tables.get(first, () if first in _ARRAYS else {})
     if isinstance(inner, Mapping):
         return {**tables, first: with_value(inner, rest, value)}
     if not (
@@ -291,10 +294,10 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
     name, _, key = rest.partition(".")
     names = [str(one.get("name", i)) for i, one in enumerate(inner, 1)]
     if (at := index_of(inner, name)) is None or not key:
+        known = ", ".join(map(printable, names))
         raise ValueError(
-            f"{printable(first)} has no table {printable(name)!r}: write "
-            f"{first}.NAME.KEY with the name or number of one of "
-            f"{', '.join(map(printable, names)) or 'none'}"
+            f"there is no table {printable(name)!r} in [[{first}]], "
+            + (f"but {known}: write {first}.NAME.KEY" if known else "which is empty")
         )
     changed = [with_value(x, key, value) if i == at else x for i, x in enumerate(inner)]
     return {**tables, first: changed}

@@ -192,11 +192,15 @@ def sweep_case(
     >>> round(high / low, 6)
     2.0
     """
-    if not isinstance(case, Mapping):
-        case, folder = read_tables(Path(case)), Path(case).parent
+    tables: Mapping[str, Any]
+    if isinstance(case, Mapping):
+        tables = case
+    else:
+        tables, folder = read_tables(Path(case)), Path(case).parent
     try:
-        of_case = varied(case.get("vary", {})) | varied(vary or {})
-        return run_variants(variants({**case, "vary": of_case}, folder), executor, out)
+        of_case = varied(tables.get("vary", {})) | varied(vary or {})
+        found = variants({**tables, "vary": of_case}, folder)
+        return run_variants(found, executor, out)
     except ValueError as error:
         raise CaseFileError(str(error)) from None
 

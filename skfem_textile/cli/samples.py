@@ -59,7 +59,7 @@ class Sampling:
         cls, file: CaseFile, case: Case, written: WrittenCase, options: Namespace
     ) -> "Sampling":
         """Samples of a case; raises a ValueError if there are none."""
-        require("samples of a fabric", "sweep", "threadpoolctl")
+        require_packages("samples of a fabric", options.scheduler)
         fabrics, key = sampled_fabrics(file.fabric), written.checksum()
         return cls(case, fabrics, key, options.workers, options.scheduler)
 
@@ -70,6 +70,13 @@ class Sampling:
         with shown("running the samples", printed=True), chosen as executor:
             out = folder / RESULTS
             return run_samples(self.case, self.fabrics, executor, out, self.key)
+
+
+def require_packages(what: str, scheduler: str | None) -> None:
+    """Raise an error if a package for several runs is not installed."""
+    require(what, "sweep", "threadpoolctl")
+    if scheduler is not None:
+        require("a dask scheduler", "sweep", "distributed")
 
 
 def executor_of(
@@ -85,15 +92,9 @@ def executor_of(
         Address of a dask scheduler, which replaces the processes, or None.
     most
         Number of runs.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If a package is missing.
     """
     if scheduler is None:
         return WorkerProcesses(min(workers or _processors(), most))
-    require("a dask scheduler", "sweep", "distributed")
     return _on_dask(scheduler)
 
 

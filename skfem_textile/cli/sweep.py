@@ -22,7 +22,6 @@ from ..cases.sweep import (
 from ..cases.write import CASE, WRITTEN_FILES, WrittenCase, refuse_foreign_case
 from ..declarations.words import is_case_file
 from ..mesh.progress import log_to_stderr, shown
-from ..mesh.requirements import require
 from ..mesh.user_input import printable
 from .interruption import INTERRUPTED, held
 from .output import STOPPED_EARLY, complain, say
@@ -30,7 +29,7 @@ from .page import rows, sources, write_page
 from .result_folder import ResultFolder
 from .run import versions
 from .run_options import as_typed, tables_of_options
-from .samples import executor_of
+from .samples import executor_of, require_packages
 
 #: Files of a sweep: finished runs, with which an interrupted sweep continues, table,
 #: picture and page.
@@ -65,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
 
 @np.errstate(over="ignore", invalid="ignore")  # results that are not finite are refused
 def _sweep(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> int:
-    require("a sweep", "sweep", "threadpoolctl")
+    require_packages("a sweep", options.scheduler)
     log_to_stderr(options.verbose)
     with shown("preparing the cases", printed=True):
         found = variants(tables, base)

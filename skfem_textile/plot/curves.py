@@ -128,7 +128,7 @@ def compared_runs(
     """Plot figures of several runs over their values, a panel for each figure.
 
     The quantity with the most values is the abscissa; each combination of the others is
-    a line.  A line joins the runs that applied the whole load; other runs are marked.
+    a line, which joins runs that applied the whole load; other runs are marked.
 
     Parameters
     ----------
@@ -183,8 +183,8 @@ def compared_runs(
         ]
         for mark, name, runs in (("x", _EARLY, states), ("v", _NONE, ~states)):
             if (runs & ~done).any():
-                look = {"color": "black", "ls": "", "marker": mark, "mfc": "none"}
-                handles.append(Line2D([], [], label=name, **look))
+                look: dict[str, Any] = {"c": "black", "ls": "", "mfc": "none"}
+                handles.append(Line2D([], [], label=name, marker=mark, **look))
         if handles:
             names = [str(one.get_label()) for one in handles]
             legend_below(figure, handles, columns_of(names, width * 25.4))
@@ -201,7 +201,8 @@ def _draw_line(
     colour, dash = look
     order = np.argsort(x, kind="stable")
     x, y, done = x[order], y[order], done[order]
-    axes.plot(x[done], y[done], "o", ls=dash, color=colour, markersize=3)
+    whole = np.where(done, y, np.nan)
+    axes.plot(x, whole, "o", ls=dash, color=colour, markersize=3)
     axes.plot(x[~done], y[~done], "x", color=colour, markersize=6)
     none = x[~done & ~np.isfinite(y)]
     if none.size:
