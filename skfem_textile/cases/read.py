@@ -272,7 +272,7 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
         The tables, which remain as they are.
     path
         Table and key, such as ``stepping.steps``.  A table of an array, such as
-        ``[[tools]]``, is selected by its name, or its number from 1.
+        ``[[tools]]``, is selected by its name, or its number from 1; ``*`` selects all.
     value
         The value.
 
@@ -293,13 +293,18 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
         raise ValueError(f"{printable(first)} is a value, not a table")
     name, _, key = rest.partition(".")
     names = [str(one.get("name", i)) for i, one in enumerate(inner, 1)]
-    if (at := index_of(inner, name)) is None or not key:
+    at = index_of(inner, name)
+    every = name == "*" and inner
+    if (at is None and not every) or not key:
         known = ", ".join(map(printable, names))
         raise ValueError(
             f"there is no table {printable(name)!r} in [[{first}]], "
             + (f"but {known}: write {first}.NAME.KEY" if known else "which is empty")
         )
-    changed = [with_value(x, key, value) if i == at else x for i, x in enumerate(inner)]
+    changed = [
+        with_value(one, key, value) if every or i == at else one
+        for i, one in enumerate(inner)
+    ]
     return {**tables, first: changed}
 
 

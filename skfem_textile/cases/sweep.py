@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from msgspec import structs
+from numpy import ndarray
 
 from ..contact.figures import PARTS, mirror_images
 from ..io.file_numbers import word_of, write_table
@@ -128,23 +129,16 @@ class CaseSweep:
         cells = ([_cell(row.get(x)) for x in self.columns] for row in self.rows)
         write_table(path, self.columns, cells)
 
-    def plot(self, filename: str | os.PathLike[str] | None = None) -> Any:
-        """Plot force, largest shear angle and wrinkle risk over the values.
-
-        Parameters
-        ----------
-        filename
-            See `plot.compared_runs`, which draws it.
-        """
-        from ..plot.curves import compared_runs
-
+    @property
+    def drawn(self) -> tuple[dict[str, list[Any]], dict[str, ndarray], ndarray]:
+        """Arguments of `plot.compared_runs`: values, `compared` figures, complete."""
         values = {axis_of(key): [row[key] for row in self.rows] for key in self.vary}
         figures = {
             name: np.array([row.get(name, np.nan) for row in self.rows], dtype=float)
             for name in self.compared
         }
         complete = np.array([not row[REASON] for row in self.rows])
-        return compared_runs(values, figures, complete, filename)
+        return values, figures, complete
 
 
 def sweep_case(
@@ -167,7 +161,7 @@ def sweep_case(
         At least two values of each key, in the units of a case file, such as
         ``{"scene.fibres_deg": (0, 45), "tools.holder.force_N": (5, 10)}``; in addition
         to a table ``[vary]`` of the case.  A tool is selected by its name, or its
-        number from 1.
+        number from 1; ``tools.*.friction`` is the friction of all tools.
     executor
         See `sweep`; by default `ThisThread`.
     out
@@ -416,7 +410,7 @@ def axis_of(key: str) -> str:
     >>> axis_of("tools.holder.force_N"), axis_of("scene.fibres_deg")
     ('Holder force (N)', 'Fibres (°)')
     """
-    words = key.removeprefix("scene.").removeprefix("tools.")
+    words = key.removeprefix("scene.").removeprefix("tools.").removeprefix("*.")
     end = next((end for end in _UNITS if words.endswith(end)), "")
     text = words.removesuffix(end).replace(".", " ").replace("_", " ")
     return text[:1].upper() + text[1:] + (f" ({_UNITS[end]})" if end else "")

@@ -96,7 +96,9 @@ def _sweep(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -
 def _drawn(swept: CaseSweep, folder: Path) -> str:
     """Draw the picture; returns the reason if it is not drawn."""
     try:
-        swept.plot(folder / PICTURE)
+        from ..plot.curves import compared_runs
+
+        compared_runs(*swept.drawn, folder / PICTURE)
     except Exception as error:
         return printable(error)
     return ""

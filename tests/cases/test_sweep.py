@@ -96,6 +96,8 @@ def test_tools_are_selected_by_name_or_number():
     named = with_value(FORMING, "tools.holder.force_N", 5.0)
     assert named["tools"][1]["force_N"] == 5.0
     assert named == with_value(FORMING, "tools.2.force_N", 5.0)
+    every = with_value(FORMING, "tools.*.friction", 0.1)
+    assert [tool["friction"] for tool in every["tools"]] == [0.1, 0.1]
     assert HOLDER["force_N"] == 2.0
     one, two = variants({**FORMING, "vary": {"tools.holder.force_N": [3, 4]}})
     assert (one.case.scene.tools[1].force, two.case.scene.tools[1].force) == (3, 4)
@@ -223,6 +225,7 @@ def test_values_of_any_kind_are_written_to_a_case():
         ("scene.holder_pressure_N_per_mm2", "Holder pressure (N/mm²)"),
         ("bending.warp_N_mm", "Bending warp (N·mm)"),
         ("fabric.file", "Fabric file"),
+        ("tools.*.friction", "Friction"),
     ],
 )
 def test_an_axis_has_the_unit_of_its_key(key, label):

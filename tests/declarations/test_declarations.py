@@ -85,7 +85,7 @@ def misspelt():
                 case["scene"] = {"name": choice, "stepz": 1}
         elif table == "[tools]":
             case["tools"], path = [{"surface": choice or "plane", "stepz": 1}], "tool_1"
-        elif table.startswith("regions"):
+        elif table.startswith("regions") or table == "vary":
             continue
         else:
             *around, name = table.split(".")
