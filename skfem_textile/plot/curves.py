@@ -115,6 +115,10 @@ _DASHES = "-", "--", ":", "-."
 # Largest number of values with a tick each.
 _MOST_TICKS = 6
 
+# Smallest range of an ordinate relative to its largest value.  Chosen: smaller
+# differences are within the error of most meshes, and do not fill a panel.
+_LEAST_RANGE = 0.05
+
 # Labels of the marks of runs that did not apply the whole load.
 _EARLY, _NONE = "stopped early: at its last state", "refused: no state"
 
@@ -174,6 +178,9 @@ def compared_runs(
             for label, runs in lines.items():
                 _draw_line(axes, x[runs], y[runs], done[runs], shown[label])
             axes.grid(alpha=0.3)
+            low, high = axes.get_ylim()
+            wide = 0.5 * max(high - low, _LEAST_RANGE * max(abs(low), abs(high)))
+            axes.set_ylim(0.5 * (low + high) - wide, 0.5 * (low + high) + wide)
             if ticks:
                 axes.set_xticks([*ticks], [*ticks.values()])
         handles: list[Artist] = [
