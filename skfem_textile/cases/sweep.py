@@ -259,15 +259,16 @@ def _variant(
 
 
 def _refuse_other_parts(found: Sequence[Variant]) -> None:
-    """Refuse forces of holders on different parts of the ply."""
+    """Refuse different computed parts of the ply, unless the parts are compared."""
     ends = [[*one.case.scene.fibre_ends.values()] for one in found]
     parts = {x.count("mirror"): one for x, one in zip(ends, found, strict=True)}
     tools = (tool for one in found for tool in one.case.scene.tools)
-    if len(parts) > 1 and any(getattr(x, "force", None) is not None for x in tools):
+    has_force = any(getattr(tool, "force", None) is not None for tool in tools)
+    if len(parts) > 1 and (has_force or "scene.part" not in found[0].values):
         one, other = [*parts.values()][:2]
         raise ValueError(
-            "the force of a holder acts on the computed part of the ply, which is not "
-            f"the same with {one.label} and {other.label}: set scene.part"
+            f"the computed part of the ply, with its mesh and the force of a holder on "
+            f"it, is not the same with {one.label} and {other.label}: set scene.part"
         )
 
 

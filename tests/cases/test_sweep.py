@@ -142,6 +142,9 @@ def test_a_force_on_a_quarter_is_not_compared_with_one_on_the_whole_ply():
     assert "scene.part=quarter and scene.part=whole" in message
     free = [FORMING["tools"][0]]
     assert len(variants({**FORMING, "tools": free, "vary": vary})) == 2
+    vary = {"scene.fibres_deg": [0, 15]}
+    by_angle = {"scene": {"name": "hemisphere_forming"}, "mesh": FORMING["mesh"]}
+    refused(lambda: variants({**by_angle, "vary": vary}), "scene.fibres_deg=0 and")
 
 
 def test_runs_that_stop_or_are_refused_stay_in_the_table(monkeypatch):

@@ -154,7 +154,7 @@ def groups(command=""):
 
 
 def _as_run(command, group):
-    """A sweep has the options of a run, but for those in its table."""
+    """A sweep has the options of a run, except for those in its table."""
     if not command.startswith("sweep"):
         return command, group
     if group == "options":
