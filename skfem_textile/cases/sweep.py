@@ -134,11 +134,28 @@ class CaseSweep:
         """Arguments of `plot.compared_runs`: values, `compared` figures, complete."""
         values = {axis_of(key): [row[key] for row in self.rows] for key in self.vary}
         figures = {
-            name: np.array([row.get(name, np.nan) for row in self.rows], dtype=float)
+            name: np.array(
+                [
+                    [row.get(x, np.nan) for row in self.rows]
+                    for x in (name, half_width_of(name))
+                ]
+            )
             for name in self.compared
         }
         complete = np.array([not row[REASON] for row in self.rows])
         return values, figures, complete
+
+
+def half_width_of(column: str) -> str:
+    """Name of the column with the half-widths of a figure.
+
+    Examples
+    --------
+    >>> half_width_of("Punch force (N)")
+    'Punch force, half-width (N)'
+    """
+    words, _, unit = column.rpartition(" (")
+    return f"{words}, half-width ({unit}"
 
 
 def sweep_case(
@@ -373,11 +390,14 @@ def _figures(summary: Mapping[str, Any], result: Result) -> dict[str, float]:
         scale = 100.0 if one.unit == "%" else 1.0
         if one.key == LOST.key and parts in PARTS:
             scale = float(parts)
-        halves = {", half-width": f"{one.key}_half_width"} if one.has_interval else {}
-        for end, key in {"": one.key, **halves}.items():
+        name = f"{one.name} ({one.unit})"
+        columns = {name: one.key}
+        if one.has_interval:
+            columns[half_width_of(name)] = f"{one.key}_half_width"
+        for column, key in columns.items():
             value = summary.get(key)
             if one.unit and isinstance(value, int | float):
-                figures[f"{one.name}{end} ({one.unit})"] = scale * value
+                figures[column] = scale * value
     return figures
 
 

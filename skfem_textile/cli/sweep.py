@@ -14,6 +14,7 @@ from ..cases.sweep import (
     SOLVES,
     CaseSweep,
     axis_of,
+    half_width_of,
     legible,
     resolved_case,
     run_variants,
@@ -107,8 +108,9 @@ def _drawn(swept: CaseSweep, folder: Path) -> str:
 def _columns(swept: CaseSweep) -> dict[str, str]:
     """Names and headings of the columns that are printed."""
     keys = {key: axis_of(key) for key in swept.vary}
-    others = *swept.compared, SOLVES, REACHED
-    return keys | {name: name for name in others}
+    halves = {half_width_of(name) for name in swept.compared}
+    figures = [x for x in swept.columns if x in halves | {*swept.compared}]
+    return keys | {name: name for name in (*figures, SOLVES, REACHED)}
 
 
 def _say(swept: CaseSweep) -> None:

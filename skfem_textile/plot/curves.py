@@ -139,8 +139,9 @@ def compared_runs(
     values
         Values of each run by quantity with its unit, numbers or words.
     figures
-        Figure of each run by name with its unit, shape (n_runs,); not finite for a run
-        without a state.
+        Figure of each run by name with its unit, shape (n_runs,), not finite for a run
+        without a state; or also half-widths of error intervals, not finite if there is
+        none, shape (2, n_runs).
     complete
         True for runs that applied the whole load, shape (n_runs,).
     filename
@@ -167,8 +168,9 @@ def compared_runs(
         label = ", ".join(_with_unit(name, values[name][run]) for name in others)
         lines.setdefault(label, []).append(run)
     done = np.asarray(complete, dtype=bool)
-    found = np.array([np.asarray(y, dtype=float) for y in figures.values()])
-    states = np.isfinite(found).any(axis=0)
+    known = [np.atleast_2d(np.asarray(y, dtype=float)) for y in figures.values()]
+    found = np.array([np.vstack([y, np.full_like(y, np.nan)])[:2] for y in known])
+    states = np.isfinite(found[:, 0]).any(axis=0)
     shown = dict(zip(lines, cycle((c, d) for d in _DASHES for c in COLOURS)))
     with new_figure(filename) as figure:
         width = default_width(len(figures)) / 25.4
@@ -176,7 +178,7 @@ def compared_runs(
         for i, (name, y) in enumerate(zip(figures, found, strict=True), start=1):
             axes = figure.add_subplot(1, len(figures), i, xlabel=along, title=name)
             for label, runs in lines.items():
-                _draw_line(axes, x[runs], y[runs], done[runs], shown[label])
+                _draw_line(axes, x[runs], y[:, runs], done[runs], shown[label])
             axes.grid(alpha=0.3)
             low, high = axes.get_ylim()
             wide = 0.5 * max(high - low, _LEAST_RANGE * max(abs(low), abs(high)))
@@ -192,6 +194,9 @@ def compared_runs(
             if (runs & ~done).any():
                 look: dict[str, Any] = {"c": "black", "ls": "", "mfc": "none"}
                 handles.append(Line2D([], [], label=name, marker=mark, **look))
+        if np.isfinite(found[:, 1]).any():
+            bar: dict[str, Any] = {"c": "black", "ls": "", "marker": "|"}
+            handles.append(Line2D([], [], label=_BANDS[3], **bar))
         if handles:
             names = [str(one.get_label()) for one in handles]
             legend_below(figure, handles, columns_of(names, width * 25.4))
@@ -203,11 +208,14 @@ def _draw_line(
 ) -> None:
     """Draw runs of one line in ascending order, and mark those that are not complete.
 
-    Runs without a state are at the bottom.
+    ``y`` are figures and half-widths, shape (2, n_runs).  Runs without a state are at
+    the bottom.
     """
     colour, dash = look
     order = np.argsort(x, kind="stable")
-    x, y, done = x[order], y[order], done[order]
+    x, (y, half), done = x[order], y[:, order], done[order]
+    if np.isfinite(half).any():
+        axes.errorbar(x, y, half, fmt="none", ecolor=colour, elinewidth=0.8, capsize=2)
     whole = np.where(done, y, np.nan)
     axes.plot(x, whole, "o", ls=dash, color=colour, markersize=3)
     axes.plot(x[~done], y[~done], "x", color=colour, markersize=6)

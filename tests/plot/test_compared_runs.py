@@ -41,6 +41,16 @@ def test_runs_that_stopped_or_have_no_state_are_marked():
     assert labels[2:] == ["stopped early: at its last state", "refused: no state"]
 
 
+def test_half_widths_are_error_bars():
+    figures = {"Force (N)": [FIGURE, [0.5, np.nan, 0.1, np.nan, 0.2, np.nan]]}
+    figure = compared_runs(VALUES, figures, [1] * 6)
+    bars = [c for c in figure.axes[0].containers if hasattr(c, "has_yerr")]
+    ends = np.vstack([x for bar in bars for x in bar[2][0].get_segments() if len(x)])
+    ends = ends[np.isfinite(ends).all(axis=1)].tolist()
+    assert ends == [[2, 0.5], [2, 1.5], [40, 2.9], [40, 3.1], [10, 4.8], [10, 5.2]]
+    assert figure.legends[0].get_texts()[-1].get_text() == "error interval"
+
+
 def test_words_are_places_on_the_abscissa_in_their_order():
     values = {"Law": ["sin2", "linear", "locking"]}
     (axes,) = compared_runs(values, {"Force (N)": FIGURE[:3]}, [1, 1, 1]).axes
