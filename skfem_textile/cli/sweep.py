@@ -10,7 +10,6 @@ import numpy as np
 from ..cases.read import CaseFileError, read_tables
 from ..cases.sweep import (
     REACHED,
-    REASON,
     SOLVES,
     CaseSweep,
     axis_of,
@@ -89,8 +88,8 @@ def _sweep(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -
         say(f"the picture was not drawn: {picture}")
     _say(swept)
     say(f"results written to {printable(options.out)}: all values in {TABLE}")
-    if swept.incomplete:
-        complain("; ".join(swept.incomplete))
+    for line in swept.incomplete:
+        complain(line)
     return STOPPED_EARLY if swept.incomplete else 0
 
 
@@ -132,8 +131,8 @@ def _write_page(swept: CaseSweep, folder: Path, no_picture: str) -> None:
         "number": len(swept.rows),
         "pictures": sources(folder, {PICTURE: "Figures of the runs over the values"}),
         "no_picture": no_picture,
-        "head": [*columns.values(), REASON],
-        "rows": legible(swept.rows, [*columns, REASON]),
+        "head": [*columns.values()],
+        "rows": legible(swept.rows, [*columns]),
         "columns": every,
         "every": legible(swept.rows, every),
         "file": sources(folder, {TABLE: TABLE}),
