@@ -3,8 +3,10 @@
 import csv
 import logging
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from skfem_textile.cases import (
@@ -27,6 +29,7 @@ from skfem_textile.cases.sweep import (
 from skfem_textile.cases.write import case_text
 from skfem_textile.scenes import Case
 from skfem_textile.solve.quantities import LOST
+from skfem_textile.solve.result import StepError
 from tests.helpers import refused
 
 FRAME = {
@@ -178,6 +181,20 @@ def test_runs_that_stop_or_are_refused_stay_in_the_table(monkeypatch):
     assert 0 < stopped[REACHED] < 1
     assert stopped["Displacement (machine) (mm)"] > 0
     assert "load factor" in stopped[REASON]
+
+
+def test_a_run_without_a_converged_step_has_no_figures(monkeypatch):
+    result = case_from_tables(FRAME).run()
+    at_rest = replace(result, states=result.states[:1])
+
+    def stops(case):
+        raise StepError("no first step", at_rest, np.zeros(0, dtype=int))
+
+    monkeypatch.setattr(Case, "run", stops)
+    row, _ = sweep_case(FRAME, {ANGLE: (20, 30)}).rows
+    ends = {"linear solves", "load factor", "reason", "warnings"}
+    assert row.keys() == {ANGLE} | ends
+    assert row[REASON] == "no first step"
 
 
 def test_finished_runs_are_not_repeated_unless_their_case_changes(
