@@ -1,5 +1,6 @@
 """Sweep of a case over values of its keys, and a table of the figures of its runs."""
 
+import logging
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -31,7 +32,10 @@ from .read import (
     varied,
     with_value,
 )
+from .schema import Output
 from .write import WrittenCase, tables_of
+
+log = logging.getLogger(__name__)
 
 #: Columns after the figures: linear solves, load factor of the last state, the reason
 #: why it is not the whole load, and warnings.
@@ -266,6 +270,8 @@ def _variant(
         if getattr(getattr(file, table), name) is not None:
             raise ValueError(f"{key} does not apply to a sweep: omit it")
     if logged:
+        if structs.replace(file.output, pictures=True) != Output():
+            log.warning("a sweep leaves out the files of [output], except pictures")
         case = built(file)
         case.ply()
     else:

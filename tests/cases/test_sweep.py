@@ -136,6 +136,14 @@ def test_a_key_or_value_that_does_not_fit_is_refused_before_any_run(key, monkeyp
     refused(lambda: sweep_case(FRAME, {key: values}), re.escape(message))
 
 
+def test_files_of_single_runs_are_left_out_with_a_warning(caplog):
+    vary = {STIFFNESS: [0.2, 0.5]}
+    variants({**FRAME, "output": {"pictures": False}, "vary": vary})
+    assert not caplog.text
+    variants({**FRAME, "output": {"test_curve": __file__}, "vary": vary})
+    assert caplog.text.count("a sweep leaves out the files of [output]") == 1
+
+
 def test_a_sweep_varies_something():
     refused(lambda: sweep_case(FRAME), "nothing varies")
     with pytest.raises(CaseFileError):
