@@ -191,6 +191,11 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     """
     with_files(file, _refuse_missing)
     _refuse_contradictions(file)
+    if file.vary:
+        log.warning(
+            "the table [vary] is for sweeps (`skfem-textile sweep`): this case has the "
+            "values of its other tables"
+        )
     assumed: list[str] = []
     if file.fabric.file is None:
         laws = _fabric(file.tension, file.shear, file.bending)
@@ -208,10 +213,9 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         _warn_of_other_directions(file, laws, scene, fabric)
     if file.regions:
         scene, fabric = _with_regions(scene, fabric, file)
-    if scene.process and scene.process.loads:
-        loads = _loads(file.loads, scene.process.loads, scene.process.loads)
-    else:
-        loads = _loads(file.loads, scene.programme or proportional)
+    of_phases = scene.process and scene.process.loads
+    factor: Factor = of_phases or scene.programme or proportional
+    loads = _loads(file.loads, factor, of_phases or 1.0)
     if scene.rotation:
         loads = tuple(load.turned(scene.turn) for load in loads)
     fit = _fitted(scene, fabric, loads, file.mesh.as_is)
@@ -408,9 +412,7 @@ def _in_phases(
                 "none: state them in [loads]"
             )
     origin = scene.axes.origin
-    axes: dict[str, tuple[Any, Any]] = {
-        tool.name: (_UP, -origin) for tool in scene.tools
-    }
+    axes: Any = {tool.name: (_UP, -origin) for tool in scene.tools}
     for tool, table in zip(tools, file.tools, strict=True):
         axes[tool.name] = table.motion_axis, table.motion_point_mm - origin
     return in_phases(scene, phases, tools, axes)

@@ -5,7 +5,7 @@ import math
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from types import NoneType, UnionType
@@ -38,6 +38,7 @@ from .schema import (
 from .tables import (
     FILE,
     Table,
+    about,
     named,
     tag_of,
 )
@@ -62,6 +63,9 @@ _KINDS = {
     "time": "a time",
 }
 
+# Arrays of tables.
+_ARRAYS = ("tools", "phases")
+
 # Laws by the suffix of a file.
 _OF_FILES = {".csv": "FILE.csv", ".json": "FILE.json"}
 
@@ -82,6 +86,10 @@ class CaseFile(Table):
     tools: tuple[AnyTool, ...]
     phases: tuple[PhaseTable, ...]
     regions: dict[str, Region]
+    vary: Annotated[
+        dict[str, tuple[Any, ...]],
+        about("values of any key, such as scene.fibres_deg = [0, 45], for a sweep"),
+    ]
 
 
 class CaseFileError(ValueError):
@@ -149,11 +157,12 @@ def declared(
         of_phases = tuple(
             _phase(f"phase_{number}", phase) for number, phase in enumerate(phases, 1)
         )
-        apart: dict[str, Any] = {"tools": (), "phases": (), "regions": {}}
+        apart: dict[str, Any] = {"tools": (), "phases": (), "regions": {}, "vary": {}}
         filled = _with_defaults(_for_phases(tables, of_phases), scene)
         case = converted("", {**filled, **apart}, CaseFile)
         case = msgspec.structs.replace(
             case,
+            vary=varied(tables.get("vary", {})),
             tools=tuple(
                 converted(name_of_tool(number), tool, AnyTool)
                 for number, tool in enumerate(tools, 1)
@@ -225,6 +234,85 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
                 else tuple(path_of(path, one) for one in value)
             )
     return msgspec.structs.replace(table, **changed)
+
+
+def varied(table: Any, where: str = "vary") -> dict[str, tuple[Any, ...]]:
+    """Values by the path of their key, of a table that may contain tables.
+
+    Raises
+    ------
+    ValueError
+        If they are not arrays of at least two different values.
+    """
+    if not isinstance(table, Mapping):
+        raise ValueError(
+            f"{where} must be an array of at least two different values, not "
+            f"{_quoted(table)}"
+        )
+    values: dict[str, tuple[Any, ...]] = {}
+    for key, of_key in table.items():
+        path = f"{where}.{printable(key)}"
+        if isinstance(of_key, list | tuple):
+            if len({repr(value) for value in of_key}) < max(len(of_key), 2):
+                raise ValueError(
+                    f"{path} must be an array of at least two different values"
+                )
+            values[path.removeprefix("vary.")] = tuple(of_key)
+        else:
+            values |= varied(of_key, path)
+    return values
+
+
+def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """Tables of a case with another value of a key.
+
+    Parameters
+    ----------
+    tables
+        The tables, which remain as they are.
+    path
+        Table and key, such as ``stepping.steps``.  A table of an array, such as
+        ``[[tools]]``, is selected by its name, or its number from 1; ``*`` selects all.
+    value
+        The value.
+
+    Raises
+    ------
+    ValueError
+        If the path leads through a value, or there is no such table of an array.
+    """
+    first, _, rest = path.partition(".")
+    if not rest:
+        return {**tables, first: value}
+    inner = tables.get(first, () if first in _ARRAYS else {})
+    if isinstance(inner, Mapping):
+        return {**tables, first: with_value(inner, rest, value)}
+    if not (
+        isinstance(inner, list | tuple) and all(isinstance(x, dict) for x in inner)
+    ):
+        raise ValueError(f"{printable(first)} is a value, not a table")
+    name, _, key = rest.partition(".")
+    names = [str(one.get("name", i)) for i, one in enumerate(inner, 1)]
+    at = index_of(inner, name)
+    every = name == "*" and inner
+    if (at is None and not every) or not key:
+        known = ", ".join(map(printable, names))
+        raise ValueError(
+            f"there is no table {printable(name)!r} in [[{first}]], "
+            + (f"but {known}: write {first}.NAME.KEY" if known else "which is empty")
+        )
+    changed = [
+        with_value(one, key, value) if every or i == at else one
+        for i, one in enumerate(inner)
+    ]
+    return {**tables, first: changed}
+
+
+def index_of(tables: Sequence[Mapping[str, Any]], name: str) -> int | None:
+    """Index of a table of an array by its name, or number from 1; None if missing."""
+    names = [str(one.get("name")) for one in tables]
+    names += map(str, range(1, len(tables) + 1))
+    return names.index(name) % len(tables) if name in names else None
 
 
 def name_of_tool(number: int) -> str:

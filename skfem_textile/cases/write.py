@@ -78,6 +78,9 @@ def tables_of(table: Struct) -> dict[str, Any]:
         elif name in ("tools", "phases") and isinstance(value, tuple):
             if value:
                 tables[name] = [tables_of(one) for one in value]
+        elif name == "vary":
+            if value:
+                tables[name] = value
         elif name in ("tools", "regions"):
             tables[name] = {of: tables_of(part) for of, part in value.items()}
         elif value is not None:
@@ -106,6 +109,9 @@ def case_text(case: CaseFile, head: str) -> str:
         elif name == "regions":
             for region, entries in value.items():
                 parts.append(_block(f"regions.{_toml_key(region)}", entries))
+        elif name == "vary":
+            if value:
+                parts.append("\n".join(["[vary]", *map(_line, value, value.values())]))
         else:
             parts.append(_block(name, value, _described(hints[name])))
     return "\n".join(parts)
@@ -271,6 +277,9 @@ def _line(key: str, value: Any) -> str:
     if isinstance(value, Struct):
         entries = ", ".join(_line(name, one) for name, one, _ in _keys(value))
         return f"{_toml_key(key)} = {{{entries}}}"
+    if isinstance(value, dict):
+        inner = ", ".join(map(_line, value, value.values()))
+        return f"{_toml_key(key)} = {{{inner}}}"
     import tomli_w  # needed for case files only
 
     return tomli_w.dumps({key: value}).rstrip("\n")
@@ -307,7 +316,9 @@ class Entry(NamedTuple):
 def reference() -> Iterator[Entry]:
     """Generate all keys of a case file."""
     for name, hint in get_type_hints(CaseFile, include_extras=True).items():
-        if name == "regions":
+        if name == "vary":
+            yield Entry("vary", "", "TABLE.KEY", "[value, ...]", "", meaning(hint))
+        elif name == "regions":
             yield from _entries("regions.NAME", Region)
         elif name == "tools":
             yield from _entries("[tools]", AnyTool)

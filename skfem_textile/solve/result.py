@@ -235,8 +235,10 @@ class Result:
         """Warnings of the run, one line each.
 
         They state that nothing changes with the load factor; the checks that failed but
-        only warn, each with the first load factor; an unresolved path; and users' terms
-        whose energy, residual and tangent contradict each other at the last state.
+        only warn, each with the first load factor; an unresolved path; users' terms
+        whose energy, residual and tangent contradict each other at the last state; and
+        friction without contact, extrapolated laws of compaction and holders over an
+        opening.
         """
         failed: dict[str, list[State]] = {}
         for state in self.states:
@@ -249,11 +251,11 @@ class Result:
             lines.append(f"{where}: {first.warnings[check]}{more}")
         if self.unresolved:
             lines.append(path_warning(self.unresolved))
-        last = self.states[-1]
-        lines += self.error.warnings
-        return lines + self.ply.contradictions(
-            last.u, last.load_factor, last.parameters
-        )
+        return [
+            *lines,
+            *self.error.warnings,
+            *self.ply.contradictions(self.states),
+        ]
 
     def view(self, **options: Any) -> Any:
         """Show a state in 3D, in Jupyter or in a window; see `skfem_textile.plot.view`.

@@ -143,7 +143,6 @@ class EquilibriumSearch:
             raise NoEquilibriumError(
                 "the contact forces do not converge", advice="more steps"
             )
-        active_set.refuse_slip(found.problem, found.u, found.parameters)
         return found
 
     def at_rest(self, start: Evaluation, values: ndarray) -> Trial:

@@ -341,11 +341,8 @@ class Run:
         finally:
             if self.continuation.unresolved:
                 log.warning(path_warning(self.continuation.unresolved))
-            for state in self.states[-1:]:
-                of_terms = problem.ply.contradictions(
-                    state.u, state.load_factor, state.parameters
-                )
-                for warning in of_terms:
+            if self.states:
+                for warning in problem.ply.contradictions(self.states):
                     log.warning(warning)
             if checkpoint:
                 checkpoint.release()

@@ -91,8 +91,8 @@ def test_a_phase_is_repeated_with_another_value(run, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("phases.pres.steps=2", "no table with the name pres; names are: lift, press"),
-        ("phases.press=2", "press is not a table of phases"),
+        ("phases.pres.steps=2", "no table 'pres' in [[phases]], but lift, press"),
+        ("phases.press=2", "no table 'press' in [[phases]]"),
         ("phases.press.steps.x=2", "steps is a value, not a table"),
     ],
 )

@@ -90,7 +90,7 @@ def misspelt():
         elif table == "phases.tools.NAME":
             phase = {"name": "a", "steps": 1, "tools": {"punch": {"stepz": 1}}}
             case["phases"], path = [phase], "phase_1.tools.punch"
-        elif table.startswith("regions"):
+        elif table.startswith("regions") or table == "vary":
             continue
         else:
             *around, name = table.split(".")
