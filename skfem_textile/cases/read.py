@@ -23,6 +23,7 @@ from .schema import (
     AnyFormulation,
     Bending,
     BendingOfFamily,
+    Clamp,
     FabricOfFile,
     InCompression,
     Loads,
@@ -79,6 +80,7 @@ class CaseFile(Table):
     stepping: Stepping
     output: Output
     tools: tuple[AnyTool, ...]
+    clamps: tuple[Clamp, ...]
     regions: dict[str, Region]
 
 
@@ -143,20 +145,24 @@ def declared(
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
             raise ValueError(f"regions must be a table, not {_quoted(regions)}")
-        tools = tables.get("tools", [])
-        if not isinstance(tools, list | tuple):
-            raise ValueError(
-                f"tools must be an array of tables, [[tools]], not {_quoted(tools)}"
-            )
-        case = converted(
-            "", {**_with_defaults(tables, scene), "tools": (), "regions": {}}, CaseFile
-        )
+        arrays = {name: tables.get(name, []) for name in ARRAYS}
+        for name, array in arrays.items():
+            if not isinstance(array, list | tuple):
+                raise ValueError(
+                    f"{name} must be an array of tables, [[{name}]], not "
+                    f"{_quoted(array)}"
+                )
+        none: dict[str, Any] = {**dict.fromkeys(ARRAYS, ()), "regions": {}}
+        case = converted("", {**_with_defaults(tables, scene), **none}, CaseFile)
         case = msgspec.structs.replace(
             case,
-            tools=tuple(
-                converted(name_of_tool(number), tool, AnyTool)
-                for number, tool in enumerate(tools, 1)
-            ),
+            **{
+                name: tuple(
+                    converted(numbered(name, number), table, ARRAYS[name])
+                    for number, table in enumerate(array, 1)
+                )
+                for name, array in arrays.items()
+            },
             regions={
                 name: converted(
                     f"regions.{printable(name)}",
@@ -204,10 +210,10 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
         path = f"{where}.{name}" if where and name != "law" else where or name
         if isinstance(value, Struct):
             changed[name] = with_files(value, path_of, path)
-        elif name == "tools":
+        elif name in ARRAYS:
             changed[name] = tuple(
-                with_files(tool, path_of, name_of_tool(number))
-                for number, tool in enumerate(value, 1)
+                with_files(one, path_of, numbered(name, number))
+                for number, one in enumerate(value, 1)
             )
         elif name == "regions":
             changed[name] = {
@@ -225,9 +231,13 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
     return msgspec.structs.replace(table, **changed)
 
 
-def name_of_tool(number: int) -> str:
-    """Name in messages of a table of ``[[tools]]``, numbered from 1."""
-    return f"tool_{number}"
+#: Kinds of the tables in arrays of tables, by the name of the array.
+ARRAYS: dict[str, Any] = {"tools": AnyTool, "clamps": Clamp}
+
+
+def numbered(array: str, number: int) -> str:
+    """Name in messages of a table of an array, such as ``tool_1`` of ``[[tools]]``."""
+    return f"{array.removesuffix('s')}_{number}"
 
 
 def _refuse_values(where: str, value: Any) -> None:

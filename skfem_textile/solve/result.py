@@ -292,6 +292,10 @@ class Result:
                     vector = vector if turn is None else turn @ vector
                     components = zip("xyz", vector.tolist(), strict=False)
                     row |= {f"{name}_{what}_{axis}": x for axis, x in components}
+            if clamps := self._clamps():
+                from .letting_go import clamp_forces
+
+                row |= clamp_forces(clamps, state)
             row |= _columns(state.shares) | _energies(state) | {"work": work}
             rows.append(row)
         return rows
@@ -330,9 +334,11 @@ class Result:
             how = f"{how}{none}: {error.reason}"
         tension = ply.fibre_tension(u, state.parameters)
         of_load, of_tools = self._figures_of_load(driven), self._figures_of_tools()
+        of_clamps = self._figures_of_clamps()
         in_space = components(ply.basis) == 3
         of_shear = figures_of_shear(ply, u, error) if in_space else {}
-        first = [*of_load.get("first", []), *of_tools.get("first", [])]
+        figures = of_load, of_tools, of_clamps
+        first = [row for one in figures for row in one.get("first", [])]
         if in_space:  # the reason for a missing interval is printed once
             known = of_shear[f"{IN_SPACE.key}_half_width"] is not None
             stated = any(row.get("has_interval") for row in first)
@@ -377,6 +383,7 @@ class Result:
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
             **of_tools,
+            **of_clamps,
             "first": [*first, *(one.declared() for one in (*lost, *OF_PLY, *slip))],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
@@ -422,11 +429,11 @@ class Result:
         state, tools = self.states[-1], self._tools()
         if driven is None and not self.surfaces:
             least = self.ply.nodes.shape[1] * state.tolerance
-            of_tools = [tool.name for tool in tools]
+            others = [x.name for x in (*tools, *self._clamps())]
             pairs = [
                 Driven(name, name, moved, force, half)
                 for name, displacement in state.displacements.items()
-                if name not in of_tools
+                if name not in others
                 for moved, force, half in zip(
                     displacement.tolist(),
                     state.reactions[name].tolist(),
@@ -448,6 +455,16 @@ class Result:
 
     def _tools(self) -> list[ContactTerm]:
         return [x for x in self.ply.terms if isinstance(x, ContactTerm)]
+
+    def _clamps(self) -> list[Any]:
+        return [x for x in self.ply.terms if hasattr(x, "release")]
+
+    def _figures_of_clamps(self) -> dict[str, Any]:
+        if not (clamps := self._clamps()):
+            return {}
+        from .letting_go import clamp_figures
+
+        return clamp_figures(clamps, self.states[-1])
 
     def _figures_of_tools(self) -> dict[str, Any]:
         figures: dict[str, Any] = {}
