@@ -313,18 +313,18 @@ def _loads(of: Loads, factor: Factor = proportional) -> tuple[Any, ...]:
 
 
 def _clamps(scene: "Scene", tables: Sequence[ClampTable]) -> tuple[Any, ...]:
-    """Clamps of the case, along the axes of the ply."""
+    """Clamps of the case, in the axes of the ply."""
     clamps: list[Any] = []
     for number, table in enumerate(tables, 1):
-        name = table.name or numbered("clamps", number)
+        given = table.values()
+        given["name"] = name = given["name"] or numbered("clamps", number)
         if name in [clamp.name for clamp in clamps]:
             raise ValueError(
                 f"two clamps have the name {printable(name)!r}: rename one of them"
             )
-        within = table.within_mm
-        if within is not None:
-            within = within - np.tile(scene.axes.origin[:2], 2)
-        clamps.append(table.construct(name=name, within=within))
+        if given["within"] is not None:
+            given["within"] = given["within"] - np.tile(scene.axes.origin[:2], 2)
+        clamps.append(table.construct(**given))
     if scene.rotation:
         clamps = [clamp.turned(scene.turn) for clamp in clamps]
     return tuple(clamps)

@@ -114,7 +114,7 @@ class Clamp(declared.Clamp):
 
         @BilinearForm
         def springs(u, v, w):
-            return weight * dot(np.einsum("ij,j...->i...", P, u.value), v)
+            return weight * dot(np.tensordot(P, np.asarray(u), 1), v)
 
         K = csr_matrix(asm(springs, edges))
         K.eliminate_zeros()

@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
 from ..ply.clamps import ClampTerm, holds
 from ..ply.parameters import NO_VALUES, Frozen, PlyParameters, Values
 from .problem import Evaluation, Problem
 from .quantities import Quantity
-from .states import Equilibrium, NoEquilibriumError, State
-from .verdict import Trial
+from .states import NoEquilibriumError, State
 
 #: Resultant, relative to the force of release, above which a state is refused: the
 #: clamp would have let go before.
@@ -40,12 +40,11 @@ class Overload(NamedTuple):
     load: float
 
 
-def refuse_overload(trial: Trial) -> None:
+def refuse_overload(problem: Problem, u: ndarray, p: PlyParameters) -> None:
     """Raise an error if a clamp carries more than its force of release."""
-    u, t, p = trial.u, trial.problem.load_factor, trial.parameters
     every = [
-        Overload(t, x.name, x.load(u, p[x.name]))
-        for x in trial.problem.clamps
+        Overload(problem.load_factor, x.name, x.load(u, p[x.name]))
+        for x in problem.clamps
         if np.isfinite(x.release)
     ]
     worst = max(every, key=lambda x: x.load, default=None)
@@ -71,7 +70,7 @@ def estimated_release(
         Ends of steps that were refused since a clamp let go.
     """
     last = states[-1]
-    ahead = sorted(x for x in overloads if x.load_factor > last.load_factor)
+    ahead = sorted(Overload(*x) for x in overloads if x[0] > last.load_factor)
     if not ahead:
         return np.inf
     (end, name, load), *further = ahead
@@ -102,15 +101,16 @@ def let_go(before: PlyParameters, after: PlyParameters) -> list[str]:
     ]
 
 
-def without_clamps(found: Trial, start: Evaluation, last: State) -> Trial:
-    """The equilibrium after clamps let go, with the energy lost on the way to it.
+def with_energy_lost(found: Any, start: Evaluation, last: State) -> PlyParameters:
+    """Parameters after clamps let go, with the energy lost on the way there.
 
-    The elastic energy, and the work of the loads, less the work of friction on tools.
+    It is the decrease of the elastic energy, and the work of the loads, less the work
+    of friction on tools; equal parts are attributed to the clamps.
 
     Parameters
     ----------
     found
-        The equilibrium.
+        The `Trial` without the clamps.
     start, last
         Evaluation of the last state without the clamps, and this state.
     """
@@ -126,13 +126,7 @@ def without_clamps(found: Trial, start: Evaluation, last: State) -> Trial:
         name: Values({**p[name], "work": p[name]["work"] + lost / len(names)})
         for name in names
     }
-    equilibrium = Equilibrium(
-        *(found.u, found.f, Frozen({**p, **changed}), found.residuals),
-        *(found.tolerance, found.projected, found.tangent),
-    )
-    trial = Trial.of(problem, equilibrium, start)
-    trial.warnings, trial.converged = found.warnings, found.converged
-    return trial
+    return Frozen({**p, **changed})
 
 
 def _loads(problem: Problem) -> list[str]:

@@ -506,7 +506,8 @@ class Run:
         except NoEquilibriumError as failure:
             failure.args = (f"{what}, and then there is {failure}",)
             raise
-        found = letting_go.without_clamps(found, start, last)
+        parameters = letting_go.with_energy_lost(found, start, last)
+        found = found.after(start, parameters)
         state, settled = self._reached(found)
         if not settled or found.projected > MOST_PROJECTED:
             self.continuation.mark(last.load_factor)

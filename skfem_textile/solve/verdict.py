@@ -12,7 +12,7 @@ the edge.
 """
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import chain
 from typing import TypeAlias
@@ -21,6 +21,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import printable
+from ..ply.parameters import PlyParameters
 from . import active_set
 from .conditions import turned
 from .direction import TINY
@@ -118,6 +119,14 @@ class Trial(Equilibrium):
             energy_before=energy_before,
         )
 
+    def after(self, start: Evaluation, parameters: PlyParameters) -> "Trial":
+        """The same equilibrium after another start, and with other parameters."""
+        mine = {one.name: getattr(self, one.name) for one in fields(Equilibrium)}
+        equilibrium = Equilibrium(**{**mine, "parameters": parameters})
+        trial = Trial.of(self.problem, equilibrium, start)
+        trial.warnings, trial.converged = self.warnings, self.converged
+        return trial
+
     @cached_property
     def move(self) -> ndarray:
         """Displacement in the step, shape (n_unknowns,); zero without a ``start``."""
@@ -196,7 +205,7 @@ class Trial(Equilibrium):
         if self.problem.clamps:
             from .letting_go import refuse_overload
 
-            refuse_overload(self)
+            refuse_overload(self.problem, self.u, self.parameters)
         if not self.problem.in_domain(self.u, self.parameters):
             raise self.problem.beyond(
                 *(self.u, "a law is evaluated outside its domain"),
