@@ -3,9 +3,9 @@
 A clamp lets go at a state whose resultant lies between its force of release and
 `MOST_OF_RELEASE` times this force.  A step that ends beyond is refused, and repeated up
 to an estimate of the release.  At the load factor of the release the force of the clamp
-then decreases to zero in steps, each of which is an equilibrium; the ply lies in
-another equilibrium before the next load step.  The energy of the springs and the energy
-that the ply releases on this way are lost.
+then decreases to zero in steps, each of which is an equilibrium, so that the ply is in
+equilibrium without the clamp before the next load step.  The energy of the springs is
+lost, and the energy that the ply releases in these steps.
 """
 
 from collections.abc import Sequence
@@ -102,7 +102,7 @@ def let_go(before: PlyParameters, after: PlyParameters) -> list[str]:
 
 
 def with_energy_lost(found: Any, start: Evaluation, last: State) -> PlyParameters:
-    """Parameters after clamps let go, with the energy lost on the way there.
+    """Parameters after clamps let go, with the energy lost.
 
     It is the decrease of the elastic energy, and the work of the loads, less the work
     of friction on tools; equal parts are attributed to the clamps.

@@ -498,7 +498,7 @@ class Run:
         """Find the equilibrium without the clamps that let go at the last state."""
         from . import letting_go
 
-        last, start = self.states[-1], self._start
+        last, start, problem = self.states[-1], self._start, self.problem
         what = letting_go.message(self._lets_go, start.parameters)
         log.info("load factor %g: %s", last.load_factor, what)
         try:
@@ -509,7 +509,7 @@ class Run:
         parameters = letting_go.with_energy_lost(found, start, last)
         found = found.after(start, parameters)
         state, settled = self._reached(found)
-        if not settled or found.projected > MOST_PROJECTED:
+        if not settled or found.projected > (0 if problem.contacts else MOST_PROJECTED):
             self.continuation.mark(last.load_factor)
         self.continuation.overloads.clear()
         self._append(state, found)
