@@ -39,7 +39,7 @@ case = Case(scene=scene, fabric=fabric, loads=tuple(grippers.values()), steps=10
 result = case.run()
 
 # %%
-# A gripper lets go at a force between that of its release and 1.01 times it. The run
+# A gripper lets go between its force of release and 1.01 times this force. The run
 # has two states there, with the gripper and without it.
 
 summary = result.summary()

@@ -29,7 +29,7 @@ from ..mesh.bases import components, node_dofs
 from ..mesh.selection import selected_nodes, turned_where
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .parameters import NO_VALUES, TermParameters, Values
-from .terms import Term, named_edges
+from .terms import SupportTerm, named_edges
 
 log = logging.getLogger(__name__)
 
@@ -179,15 +179,13 @@ def _in_rectangle(X: ndarray, box: ndarray) -> ndarray:
     return np.asarray(((low <= X) & (high >= X)).all(axis=0))
 
 
-class ClampTerm(Term):
+class ClampTerm(SupportTerm):
     """Term of `Clamp`.
 
     Attributes
     ----------
     what
         The clamp, at the beginning of messages.
-    release
-        Force in N at which the clamp lets go; infinite if it never does.
     """
 
     role = "internal"
@@ -231,12 +229,12 @@ class ClampTerm(Term):
         return "" if self._size == basis.N else "it belongs to another basis"
 
     def force(self, u: ndarray, p: Values) -> ndarray:
-        """Resultant on the ply in N, shape (d,)."""
+        """See `SupportTerm.force`."""
         of_nodes: ndarray = self.residual(u, 0.0, p).reshape(-1, self._d)
         return 0.0 - of_nodes.sum(axis=0)
 
     def travel(self, u: ndarray) -> ndarray:
-        """Mean displacement of the edge in mm, shape (d,)."""
+        """Mean displacement of the edge in mm; see `SupportTerm.travel`."""
         moved: ndarray = self._weights @ u.reshape(-1, self._d)
         return moved
 

@@ -16,6 +16,7 @@ from numpy import ndarray
 from ..fabric import Law, TwoLaws
 from ..ply import Ply
 from ..ply.parameters import Frozen
+from ..ply.terms import SupportTerm
 from . import checksummed
 from .continuation import Continuation
 from .linear.solver import Clock
@@ -24,7 +25,7 @@ from .states import CheckpointError, Equilibrium, State, Verdict
 from .verdict import Trial
 
 # File format version; other versions are refused.
-_FORMAT = 9
+_FORMAT = 10
 
 # Advice for a checkpoint of another run.
 _OTHER_FOLDER = "; use the arguments of that run, or another folder"
@@ -278,7 +279,7 @@ class Checkpoint:
         entries |= {
             f"release of {x.name!r}": np.array([x.release])
             for x in ply.terms
-            if hasattr(x, "release")
+            if isinstance(x, SupportTerm)
         }
         if self._release:
             entries["ends of conditions"] = np.array(self._release.ends)
@@ -443,7 +444,7 @@ def _state(content: checksummed.Content, before: Sequence[State], ply: Ply) -> S
         raise ValueError("its displacement does not belong to this ply")
     state = State(u=u, parameters=Frozen(parameters), **text)
     last = before[-1].load_factor if before else -1.0
-    if any(hasattr(x, "release") for x in ply.terms):  # which let go at a load factor
+    if any(isinstance(x, SupportTerm) for x in ply.terms):  # which may have let go
         last = np.nextafter(last, -np.inf)
     if not last < state.load_factor <= 1:
         raise ValueError(

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..ply.clamps import ClampTerm, holds
+from ..ply.clamps import holds
 from ..ply.parameters import NO_VALUES, Frozen, PlyParameters, Values
+from ..ply.terms import SupportTerm
 from .problem import Evaluation, Problem
 from .quantities import Quantity
 from .states import NoEquilibriumError, State
@@ -147,7 +148,7 @@ def message(names: Sequence[str], parameters: PlyParameters) -> str:
     )
 
 
-def clamp_forces(clamps: Sequence[ClampTerm], state: State) -> dict[str, float]:
+def clamp_forces(clamps: Sequence[SupportTerm], state: State) -> dict[str, float]:
     """Magnitude of the force of each clamp in N, by column of a history."""
     return {
         f"{x.name}_force_N": float(np.linalg.norm(state.reactions[x.name]))
@@ -155,34 +156,33 @@ def clamp_forces(clamps: Sequence[ClampTerm], state: State) -> dict[str, float]:
     }
 
 
-def clamp_figures(clamps: Sequence[ClampTerm], state: State) -> dict[str, Any]:
+def clamp_figures(
+    clamps: Sequence[SupportTerm], states: Sequence[State]
+) -> dict[str, Any]:
     """Figures of clamps in the summary of a result.
 
-    Force and travel of the edge of each, ``NAME_force_N`` and ``NAME_travel_mm``; for
-    one with a force of release also ``NAME_released_at``, its load factor, None while
-    it holds, and ``NAME_release_force_N``; ``clamps_let_go`` is a text on all of them.
+    Force and travel of each in the last state, ``NAME_force_N`` and ``NAME_travel_mm``;
+    for one with a force of release also ``NAME_released_at``, its load factor, None
+    while it holds, and ``NAME_release_force_N``.  ``max_clamp_force_N`` is the largest
+    force in any state, and ``clamps_let_go`` a text on those that let go.
     """
-    figures: dict[str, Any] = clamp_forces(clamps, state)
-    first, texts = [], []
+    last, texts = states[-1], []
+    figures: dict[str, Any] = clamp_forces(clamps, last)
     for clamp in clamps:
-        name, p = clamp.name, state.parameters.get(clamp.name, NO_VALUES)
-        travel = float(np.linalg.norm(state.displacements[name]))
+        name, p = clamp.name, last.parameters.get(clamp.name, NO_VALUES)
+        travel = float(np.linalg.norm(last.displacements[name]))
         figures[f"{name}_travel_mm"] = travel
-        if p:
-            at, force = _released(p)
-            figures |= {f"{name}_released_at": at, f"{name}_release_force_N": force}
-            if at is not None:
-                texts.append(f"clamp {name!r} let go at load factor {at:.4g}")
-        words = name.replace("_", " ").capitalize()
-        first.append(Quantity(f"{words} force", f"{name}_force_N", "N"))
+        if not p:
+            continue
+        at = force = None
+        if not holds(p):
+            at, force = float(p["released_at"]), float(p["release_force"])
+            texts.append(f"{name!r} let go at load factor {at:.4g} with {force:.4g} N")
+        figures |= {f"{name}_released_at": at, f"{name}_release_force_N": force}
+    forces = (clamp_forces(clamps, state).values() for state in states)
+    figures["max_clamp_force_N"] = max(map(max, forces))
     if texts:
         figures["clamps_let_go"] = "; ".join(texts)
-        first.append(Quantity("Note", "clamps_let_go"))
-    return figures | {"first": [one.declared() for one in first]}
-
-
-def _released(p: Values) -> tuple[float | None, float | None]:
-    """Load factor and force at which a clamp let go; None while it holds."""
-    if holds(p):
-        return None, None
-    return float(p["released_at"]), float(p["release_force"])
+    note = "".join(f"; {text}" for text in texts)
+    first = Quantity("Largest clamp force", "max_clamp_force_N", "N", note=note)
+    return figures | {"first": [first.declared()]}

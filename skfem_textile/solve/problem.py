@@ -16,7 +16,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
-from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
+from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm, SupportTerm
 from .conditions import Constraints, plain, reactions, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
@@ -174,7 +174,7 @@ class Problem:
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
         self.rubbing: list[Any] = [x for x in ply.terms if getattr(x, "friction", None)]
-        self.clamps: list[Any] = [x for x in ply.terms if hasattr(x, "release")]
+        self.clamps: list[Any] = [x for x in ply.terms if isinstance(x, SupportTerm)]
         for kind, terms in ("tool", self.contacts), ("clamp", self.clamps):
             for term in terms:
                 if term.name in constraints.nodes:

@@ -13,7 +13,7 @@ from .. import solve
 from ..mesh.bases import components
 from ..mesh.user_input import CopiedError
 from ..ply import Ply
-from ..ply.terms import ContactTerm
+from ..ply.terms import ContactTerm, SupportTerm
 from ..surfaces.surface import Surface
 from .conditions import Conditions
 from .continuation import path_warning
@@ -456,15 +456,15 @@ class Result:
     def _tools(self) -> list[ContactTerm]:
         return [x for x in self.ply.terms if isinstance(x, ContactTerm)]
 
-    def _clamps(self) -> list[Any]:
-        return [x for x in self.ply.terms if hasattr(x, "release")]
+    def _clamps(self) -> list[SupportTerm]:
+        return [x for x in self.ply.terms if isinstance(x, SupportTerm)]
 
     def _figures_of_clamps(self) -> dict[str, Any]:
         if not (clamps := self._clamps()):
             return {}
         from .letting_go import clamp_figures
 
-        return clamp_figures(clamps, self.states[-1])
+        return clamp_figures(clamps, self.states)
 
     def _figures_of_tools(self) -> dict[str, Any]:
         figures: dict[str, Any] = {}
