@@ -25,12 +25,13 @@ from .states import NoEquilibriumError, State
 #: clamp would have let go before.
 MOST_OF_RELEASE = 1.01
 
-# Resultant, relative to the force of release, at which a step is to end.
+# Resultant, relative to the force of release, at which a step is to end: the middle.
 _AIM = 1.005
 
-# Resultant, relative to the force of release, up to which it is interpolated; further
-# away an estimate leaves at least a quarter of the interval on both sides.
-_NEAR, _LEAST = 2.0, 0.25
+# Limits of work: the resultant, relative to the force of release, above which an
+# estimate leaves at least the first share of the interval on both sides, else the
+# second one.  Forces may increase in a small part of the interval only.
+_FAR, _LEAST, _LEAST_NEAR = 2.0, 0.25, 0.01
 
 
 class Overload(NamedTuple):
@@ -89,7 +90,7 @@ def estimated_release(
         a = (beyond - rise / step) / (third[0] - start[0])
     b, c = rise / step - a * step, _AIM - start[1]
     root = 2 * c / (b + np.sqrt(max(b**2 + 4 * a * c, 0.0)))
-    least = _LEAST * step if load > _NEAR else 0.01 * step
+    least = step * (_LEAST if load > _FAR else _LEAST_NEAR)
     return float(last.load_factor + np.clip(root, least, step - least))
 
 
