@@ -271,10 +271,10 @@ class Result:
         negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; for each
         condition displacement_x and displacement_y, the mean over its nodes (mm), and
         reaction_x and reaction_y (N), in space also z; the energy in total and by term,
-        and with friction and clamps the part of it that is lost; the force of each clamp
-        (N); potentials of the loads,
-        and work of reactions and loads along the path (N·mm); shares of stabilisation
-        and deviations in energy, work and reactions.
+        and with friction and clamps the part of it that is lost; potentials of the
+        loads, and work of reactions and loads along the path (N·mm); shares of
+        stabilisation and deviations in energy, work and reactions; for each clamp also
+        the magnitude of its force (N).
         """
         rows, work = [], 0.0
         for state in self.states:
