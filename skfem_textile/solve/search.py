@@ -194,7 +194,7 @@ class EquilibriumSearch:
             except NoEquilibriumError as failure:
                 flies = failure.advice == HOLD
                 step /= SHORTER_AFTER_FLIGHT if flies else 2
-                if step < shortest:
+                if step < (_SHORTEST_AT_REST[0] if failure.overload else shortest):
                     if (stable and not before) or most == np.inf or flies:
                         raise
                     step, most = 1.0, np.inf
