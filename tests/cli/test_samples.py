@@ -4,15 +4,17 @@ import contextlib
 import csv
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from skfem_textile.calibration import Choice, Specimen, fit_tests
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.samples import Sampling
+from skfem_textile.cli.samples import Sampling, with_bands
 from skfem_textile.io import read_fabric
 from skfem_textile.scenes import Case
+from skfem_textile.solve.quantities import BAND
 from skfem_textile.sweep import ThisThread
 from tests.helpers.command_line import fit, rejected, summary_in
 from tests.helpers.curves import shear_files
@@ -248,3 +250,10 @@ def test_show_states_laws_sources_and_assumptions(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "band" not in printed
     assert "61.947)\n" in printed  # measured
+
+
+def test_a_figure_that_is_prescribed_has_no_band():
+    bands = {"same": (1.0, 1 + 3e-10), "other": (1.0, 1 + 3e-9)}
+    samples = SimpleNamespace(bands=bands, number=5, stopped=[], probability=0.9)
+    summary = with_bands({"first": []}, samples)
+    assert [x for x in bands if f"{x}{BAND}" in summary] == ["other"]
