@@ -20,11 +20,10 @@ from zlib import crc32
 from msgspec import NODEFAULT, Meta, Struct, structs
 
 from .. import __version__
-from .read import CaseFile, with_files
+from .read import ARRAYS, CaseFile, with_files
 from .scenes import SCENES
 from .schema import Output, Region
 from .tables import FILE, named, summary_of
-from .tools import AnyTool
 
 #: First line of a case file that a run has written.
 WRITTEN = "# The case of this folder, with every default, written by skfem-textile."
@@ -74,9 +73,9 @@ def tables_of(table: Struct) -> dict[str, Any]:
     for name, value, _ in _keys(table):
         if isinstance(value, Struct):
             tables[name] = tables_of(value)
-        elif name == "tools":
+        elif name in ARRAYS:
             if value:
-                tables[name] = [tables_of(tool) for tool in value]
+                tables[name] = [tables_of(one) for one in value]
         elif name == "vary":
             if value:
                 tables[name] = value
@@ -101,8 +100,9 @@ def case_text(case: CaseFile, head: str) -> str:
     for name, value, _ in _keys(case):
         if name in ("tension", "shear", "bending") and case.fabric.file is not None:
             continue  # the file of the fabric contains all laws
-        if name == "tools":
-            parts += [_block("[tools]", tool, _described(AnyTool)) for tool in value]
+        if name in ARRAYS:
+            about = _described(ARRAYS[name])
+            parts += [_block(f"[{name}]", one, about) for one in value]
         elif name == "regions":
             for region, entries in value.items():
                 parts.append(_block(f"regions.{_toml_key(region)}", entries))
@@ -309,8 +309,8 @@ def reference() -> Iterator[Entry]:
             yield Entry("vary", "", "TABLE.KEY", "[value, ...]", "", meaning(hint))
         elif name == "regions":
             yield from _entries("regions.NAME", Region)
-        elif name == "tools":
-            yield from _entries("[tools]", AnyTool)
+        elif name in ARRAYS:
+            yield from _entries(f"[{name}]", ARRAYS[name])
         else:
             yield from _entries(name, hint)
 

@@ -85,6 +85,8 @@ def misspelt():
                 case["scene"] = {"name": choice, "stepz": 1}
         elif table == "[tools]":
             case["tools"], path = [{"surface": choice or "plane", "stepz": 1}], "tool_1"
+        elif table == "[clamps]":
+            case["clamps"], path = [{"stepz": 1}], "clamp_1"
         elif table.startswith("regions") or table == "vary":
             continue
         else:
