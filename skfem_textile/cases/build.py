@@ -33,12 +33,13 @@ from ..ply.terms import Factor, Load, proportional
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
 from .fabrics import errors_in, fabric_of_file
+from .phases import in_phases
 from .read import (
     CaseFile,
     CaseFileError,
     declared,
     default_laws,
-    name_of_tool,
+    numbered,
     read_tables,
     with_files,
 )
@@ -51,11 +52,13 @@ from .schema import (
     Shear,
     Tension,
 )
+from .schema import (
+    Clamp as ClampTable,
+)
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
 
-    from ..contact import Holder, Tool
     from ..outlines import Outline
     from ..outlines.fitting import Fitted
     from ..scenes import Scene
@@ -87,9 +90,6 @@ _REQUIRED = {
     "output.calculix": "output.deck",
     "output.deck": "output.thickness_mm",
 }
-
-# Axis of rotation of the tools of a scene.
-_UP = (0.0, 0.0, 1.0)
 
 # Density of the mesh of a drawing before the conditions are known.
 _COARSE = 0.25
@@ -219,12 +219,13 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     if scene.rotation:
         loads = tuple(load.turned(scene.turn) for load in loads)
     fit = _fitted(scene, fabric, loads, file.mesh.as_is)
+    clamps = _clamps(scene, file.clamps)
     if isinstance(fabric := fit.fabric, Mapping):
         fabric = fabric_of_regions(fit.mesh, fabric)
     case = Case(
         scene=replace(scene, mesh=fit.mesh),
         fabric=fabric,
-        loads=loads,
+        loads=(*loads, *clamps),
         formulation=file.formulation.construct() or fit.formulation,
         steps=_steps(file, scene),
         method=file.stepping.method,
@@ -328,6 +329,24 @@ def _loads(
     return *forces, BodyForce(weight, factor=of_weight, name="weight")
 
 
+def _clamps(scene: "Scene", tables: Sequence[ClampTable]) -> tuple[Any, ...]:
+    """Clamps of the case, in the axes of the ply."""
+    clamps: list[Any] = []
+    for number, table in enumerate(tables, 1):
+        given = table.values()
+        given["name"] = name = given["name"] or numbered("clamps", number)
+        if name in [clamp.name for clamp in clamps]:
+            raise ValueError(
+                f"two clamps have the name {printable(name)!r}: rename one of them"
+            )
+        if given["within"] is not None:
+            given["within"] = given["within"] - np.tile(scene.axes.origin[:2], 2)
+        clamps.append(table.construct(**given))
+    if scene.rotation:
+        clamps = [clamp.turned(scene.turn) for clamp in clamps]
+    return tuple(clamps)
+
+
 def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     """The scene on its mesh, rotated.
 
@@ -370,7 +389,7 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
     }
     tools = []
     for number, tool in enumerate(tables, 1):
-        what = name_of_tool(number)
+        what = numbered("tools", number)
         tools.append(tool.build(what, scene.axes, (tool.name or what) in turned))
     all_tools = *scene.tools, *tools
     if not (scene.driven or all_tools):
@@ -388,34 +407,8 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
         scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
     scene = replace(scene, driven=scene.driven or names[0])
     if file.phases:
-        return _in_phases(scene, file, tools)
+        return in_phases(scene, file, tools)
     return replace(scene, tools=all_tools)
-
-
-def _in_phases(
-    scene: "Scene", file: CaseFile, tools: Sequence["Tool | Holder"]
-) -> "Scene":
-    """Scene whose tools, and the tools of the case, move and press in phases."""
-    from ..scenes.processes import in_phases
-
-    if not (scene.tools or tools):
-        raise ValueError(
-            f"[[phases]] do not apply to the scene {scene.name}, which has no tools: "
-            "use stepping.programme, or another scene"
-        )
-    phases = [phase.build() for phase in file.phases]
-    stated = file.loads.force_N or file.loads.weight_N_per_mm2 is not None
-    for phase in phases:
-        if phase.loads is not None and not stated:
-            raise ValueError(
-                f"phase {phase.name!r} states a factor of the loads, but there are "
-                "none: state them in [loads]"
-            )
-    origin = scene.axes.origin
-    axes: Any = {tool.name: (_UP, -origin) for tool in scene.tools}
-    for tool, table in zip(tools, file.tools, strict=True):
-        axes[tool.name] = table.motion_axis, table.motion_point_mm - origin
-    return in_phases(scene, phases, tools, axes)
 
 
 def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:

@@ -9,7 +9,8 @@ from msgspec import Meta, field
 from .tables import Table, about
 
 if TYPE_CHECKING:
-    from ..contact import Phase
+    from ..contact import Holder, Phase, Tool
+    from ..scenes import Scene
 
 
 class RowsOfTravel(Table):
@@ -117,6 +118,50 @@ def _in_radians(value: Any) -> Any:
     if not isinstance(value, tuple):
         return type(value)(value.tool, _in_radians(value.rows))
     return tuple((at, radians(angle)) for at, angle in value)
+
+
+# Axis of rotation of the tools of a scene.
+_UP = (0.0, 0.0, 1.0)
+
+
+def in_phases(scene: "Scene", file: Any, tools: Sequence["Tool | Holder"]) -> "Scene":
+    """Scene whose tools, and the tools of the case, move and press in phases.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    file
+        The case, with phases.
+    tools
+        Its tools.
+
+    Raises
+    ------
+    ValueError
+        If there are no tools, or no loads of which a phase states the factor; see also
+        `Process`.
+    """
+    from ..scenes import in_phases as follow
+
+    if not (scene.tools or tools):
+        raise ValueError(
+            f"[[phases]] do not apply to the scene {scene.name}, which has no tools: "
+            "use stepping.programme, or another scene"
+        )
+    phases = [phase.build() for phase in file.phases]
+    stated = file.loads.force_N or file.loads.weight_N_per_mm2 is not None
+    for phase in phases:
+        if phase.loads is not None and not stated:
+            raise ValueError(
+                f"phase {phase.name!r} states a factor of the loads, but there are "
+                "none: state them in [loads]"
+            )
+    origin = scene.axes.origin
+    axes: Any = {tool.name: (_UP, -origin) for tool in scene.tools}
+    for tool, table in zip(tools, file.tools, strict=True):
+        axes[tool.name] = table.motion_axis, table.motion_point_mm - origin
+    return follow(scene, phases, tools, axes)
 
 
 def furthest(phases: Sequence[PhaseTable], tool: str) -> float | None:

@@ -24,6 +24,7 @@ from .schema import (
     AnyFormulation,
     Bending,
     BendingOfFamily,
+    Clamp,
     FabricOfFile,
     InCompression,
     Loads,
@@ -63,9 +64,6 @@ _KINDS = {
     "time": "a time",
 }
 
-# Arrays of tables.
-_ARRAYS = ("tools", "phases")
-
 # Laws by the suffix of a file.
 _OF_FILES = {".csv": "FILE.csv", ".json": "FILE.json"}
 
@@ -85,6 +83,7 @@ class CaseFile(Table):
     output: Output
     tools: tuple[AnyTool, ...]
     phases: tuple[PhaseTable, ...]
+    clamps: tuple[Clamp, ...]
     regions: dict[str, Region]
     vary: Annotated[
         dict[str, tuple[Any, ...]],
@@ -153,20 +152,31 @@ def declared(
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
             raise ValueError(f"regions must be a table, not {_quoted(regions)}")
-        tools, phases = (_array_of(tables, name) for name in ("tools", "phases"))
+        arrays = {name: tables.get(name, []) for name in ARRAYS}
+        for name, array in arrays.items():
+            if not isinstance(array, list | tuple):
+                raise ValueError(
+                    f"{name} must be an array of tables, [[{name}]], not "
+                    f"{_quoted(array)}"
+                )
+        none: dict[str, Any] = {**dict.fromkeys(ARRAYS, ()), "regions": {}, "vary": {}}
         of_phases = tuple(
-            _phase(f"phase_{number}", phase) for number, phase in enumerate(phases, 1)
+            _phase(numbered("phases", number), phase)
+            for number, phase in enumerate(arrays["phases"], 1)
         )
-        apart: dict[str, Any] = {"tools": (), "phases": (), "regions": {}, "vary": {}}
         filled = _with_defaults(_for_phases(tables, of_phases), scene)
-        case = converted("", {**filled, **apart}, CaseFile)
+        case = converted("", {**filled, **none}, CaseFile)
         case = msgspec.structs.replace(
             case,
             vary=varied(tables.get("vary", {})),
-            tools=tuple(
-                converted(name_of_tool(number), tool, AnyTool)
-                for number, tool in enumerate(tools, 1)
-            ),
+            **{
+                name: tuple(
+                    converted(numbered(name, number), table, ARRAYS[name])
+                    for number, table in enumerate(array, 1)
+                )
+                for name, array in arrays.items()
+                if name != "phases"
+            },
             phases=of_phases,
             regions={
                 name: converted(
@@ -215,10 +225,10 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
         path = f"{where}.{name}" if where and name != "law" else where or name
         if isinstance(value, Struct):
             changed[name] = with_files(value, path_of, path)
-        elif name == "tools":
+        elif name in ARRAYS and isinstance(value, tuple):
             changed[name] = tuple(
-                with_files(tool, path_of, name_of_tool(number))
-                for number, tool in enumerate(value, 1)
+                with_files(one, path_of, numbered(name, number))
+                for number, one in enumerate(value, 1)
             )
         elif name == "regions":
             changed[name] = {
@@ -284,7 +294,7 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
     first, _, rest = path.partition(".")
     if not rest:
         return {**tables, first: value}
-    inner = tables.get(first, () if first in _ARRAYS else {})
+    inner = tables.get(first, () if first in ARRAYS else {})
     if isinstance(inner, Mapping):
         return {**tables, first: with_value(inner, rest, value)}
     if not (
@@ -315,19 +325,13 @@ def index_of(tables: Sequence[Mapping[str, Any]], name: str) -> int | None:
     return names.index(name) % len(tables) if name in names else None
 
 
-def name_of_tool(number: int) -> str:
-    """Name in messages of a table of ``[[tools]]``, numbered from 1."""
-    return f"tool_{number}"
+#: Kinds of the tables in arrays of tables, by the name of the array.
+ARRAYS: dict[str, Any] = {"tools": AnyTool, "phases": PhaseTable, "clamps": Clamp}
 
 
-def _array_of(tables: Mapping[str, Any], name: str) -> Any:
-    """Array of tables; empty if it is missing."""
-    array = tables.get(name, [])
-    if not isinstance(array, list | tuple):
-        raise ValueError(
-            f"{name} must be an array of tables, [[{name}]], not {_quoted(array)}"
-        )
-    return array
+def numbered(array: str, number: int) -> str:
+    """Name in messages of a table of an array, such as ``tool_1`` of ``[[tools]]``."""
+    return f"{array.removesuffix('s')}_{number}"
 
 
 def _phase(where: str, table: Any) -> PhaseTable:

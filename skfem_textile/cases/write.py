@@ -20,12 +20,11 @@ from zlib import crc32
 from msgspec import NODEFAULT, Meta, Struct, structs
 
 from .. import __version__
-from .phases import PhaseTable, RowsOfTravel, ToolInPhase
-from .read import CaseFile, with_files
+from .phases import RowsOfTravel, ToolInPhase
+from .read import ARRAYS, CaseFile, with_files
 from .scenes import SCENES
 from .schema import Output, Region
 from .tables import FILE, named, summary_of
-from .tools import AnyTool
 
 #: First line of a case file that a run has written.
 WRITTEN = "# The case of this folder, with every default, written by skfem-textile."
@@ -75,7 +74,7 @@ def tables_of(table: Struct) -> dict[str, Any]:
     for name, value, _ in _keys(table):
         if isinstance(value, Struct):
             tables[name] = tables_of(value)
-        elif name in ("tools", "phases") and isinstance(value, tuple):
+        elif name in ARRAYS and isinstance(value, tuple):
             if value:
                 tables[name] = [tables_of(one) for one in value]
         elif name == "vary":
@@ -102,10 +101,9 @@ def case_text(case: CaseFile, head: str) -> str:
     for name, value, _ in _keys(case):
         if name in ("tension", "shear", "bending") and case.fabric.file is not None:
             continue  # the file of the fabric contains all laws
-        if name == "tools":
-            parts += [_block("[tools]", tool, _described(AnyTool)) for tool in value]
-        elif name == "phases":
-            parts += [_block("[phases]", phase) for phase in value]
+        if name in ARRAYS:
+            about = _described(ARRAYS[name])
+            parts += [_block(f"[{name}]", one, about) for one in value]
         elif name == "regions":
             for region, entries in value.items():
                 parts.append(_block(f"regions.{_toml_key(region)}", entries))
@@ -320,11 +318,10 @@ def reference() -> Iterator[Entry]:
             yield Entry("vary", "", "TABLE.KEY", "[value, ...]", "", meaning(hint))
         elif name == "regions":
             yield from _entries("regions.NAME", Region)
-        elif name == "tools":
-            yield from _entries("[tools]", AnyTool)
-        elif name == "phases":
-            yield from _entries("[phases]", PhaseTable)
-            yield from _entries("phases.tools.NAME", ToolInPhase)
+        elif name in ARRAYS:
+            yield from _entries(f"[{name}]", ARRAYS[name])
+            if name == "phases":
+                yield from _entries("phases.tools.NAME", ToolInPhase)
         else:
             yield from _entries(name, hint)
 

@@ -108,9 +108,15 @@ def is_closed(problem: Problem, u: ndarray, parameters: PlyParameters) -> bool:
 def resultants(
     problem: Problem, u: ndarray, parameters: PlyParameters
 ) -> dict[str, tuple[ndarray, ndarray]]:
-    """Force of each tool on the ply in N, and its travel in mm, shape (3,), by name."""
+    """Force of each tool and clamp on the ply in N, and its travel in mm, by name.
+
+    Shapes (d,).
+    """
     t = problem.load_factor
     return {
+        x.name: (x.force(u, parameters.get(x.name, {})), x.travel(u))
+        for x in problem.clamps
+    } | {
         x.name: (
             -problem.nodal(x.residual(u, t, parameters[x.name])).sum(axis=1),
             x.travel(t),

@@ -8,7 +8,7 @@ from contextlib import suppress
 from datetime import timedelta
 from functools import cached_property, partial
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -241,7 +241,9 @@ class LoadStepper:
         with shown(self._run.progress):
             return self._run(resume, begun)
 
-    def _begun(self, folder: Any, resume: bool, until: float) -> "Begun":
+    def _begun(
+        self, folder: Any, resume: bool, until: float
+    ) -> "tuple[Checkpoint, float]":
         """Checkpoint of a run that is repeated from a load factor on."""
         if resume:
             raise ValueError("a run is either resumed or repeated: omit one of them")
@@ -286,10 +288,6 @@ class LoadStepper:
             self.on_iteration(iteration)
 
 
-#: Checkpoint of another run, and the load factor up to which its states are taken.
-Begun: TypeAlias = tuple["Checkpoint", float]
-
-
 class Run:
     """One run of a load stepper, from rest or from the end of its checkpoint.
 
@@ -309,7 +307,7 @@ class Run:
         self._loaded_from = 0.0, self._began  # load factor and time
         self._warned: set[str] = set()
 
-    def __call__(self, resume: bool = False, begun: "Begun | None" = None) -> Result:
+    def __call__(self, resume: bool = False, begun: Any = None) -> Result:
         """Apply the whole load; see `LoadStepper.run`."""
         checkpoint, problem = self._stepper.checkpoint, self.problem
         try:
@@ -323,9 +321,8 @@ class Run:
                 except NoEquilibriumError as failure:
                     log.info("no equilibrium near the initial guess: %s", failure)
             for t_end in self._stepper.load_factors:
-                while self.states[-1].load_factor < t_end:
-                    self.continuation.enter(self._stepper.steps.length(t_end))
-                    self._step(t_end)
+                while self._lets_go or self.states[-1].load_factor < t_end:
+                    self._let_go() if self._lets_go else self._step(t_end)
         except NoEquilibriumError as failure:
             if not self.states:
                 raise
@@ -508,6 +505,11 @@ class Run:
     def _step(self, t_end: float) -> None:
         """Take a step towards a requested load factor, or prepare a shorter one."""
         last, start, problem = self.states[-1], self._start, self.problem
+        if overloads := self.continuation.overloads:
+            from .letting_go import estimated_release
+
+            t_end = min(t_end, estimated_release(problem, self.states, overloads))
+        self.continuation.enter(self._stepper.steps.length(t_end))
         t = self.continuation.end(last.load_factor, t_end)
         step = t - last.load_factor
         driven = self._search.method.follows_path and loads_drive(
@@ -542,6 +544,35 @@ class Run:
                 "the step to load factor %g was difficult and is repeated as two steps",
                 t,
             )
+
+    @property
+    def _lets_go(self) -> list[str]:
+        """Names of the clamps that let go at the last state."""
+        if not self.problem.clamps:
+            return []
+        from .letting_go import let_go
+
+        return let_go(self.states[-1].parameters, self._start.parameters)
+
+    def _let_go(self) -> None:
+        """Find the equilibrium without the clamps that let go at the last state."""
+        from . import letting_go
+
+        last, start, problem = self.states[-1], self._start, self.problem
+        what = letting_go.message(self._lets_go, start.parameters)
+        log.info("load factor %g: %s", last.load_factor, what)
+        try:
+            found = self._search.without_clamps(start)
+        except NoEquilibriumError as failure:
+            failure.args = (f"{what}, and then there is {failure}",)
+            raise
+        parameters = letting_go.with_energy_lost(found, start, last)
+        found = found.after(start, parameters)
+        state, settled = self._reached(found)
+        if not settled or found.projected > (0 if problem.contacts else MOST_PROJECTED):
+            self.continuation.mark(last.load_factor)
+        self.continuation.overloads.clear()
+        self._append(state, found)
 
     def _reached(self, found: Trial) -> tuple[State, bool]:
         """The state, and whether it is independent of the number of steps."""

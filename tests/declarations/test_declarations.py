@@ -90,6 +90,8 @@ def misspelt():
         elif table == "phases.tools.NAME":
             phase = {"name": "a", "steps": 1, "tools": {"punch": {"stepz": 1}}}
             case["phases"], path = [phase], "phase_1.tools.punch"
+        elif table == "[clamps]":
+            case["clamps"], path = [{"stepz": 1}], "clamp_1"
         elif table.startswith("regions") or table == "vary":
             continue
         else:
