@@ -15,12 +15,9 @@ from numpy import ndarray
 
 from .. import io
 from ..cases.build import refuse_incomplete
-from ..cases.finished import read_result
 from ..cases.read import converted
 from ..cases.schema import PATTERN_KINDS, Output
 from ..io.file_numbers import errors_about
-from ..io.part_decks import written_part_deck
-from ..io.tools import refuse_unit_of_part
 from ..mesh.checks import MeshError
 from ..mesh.graph import components, edges_of
 from ..mesh.requirements import is_installed, lacks, require
@@ -74,6 +71,8 @@ def run(options: argparse.Namespace) -> int:
     OSError, OutputError
         If the folder cannot be written.
     """
+    from ..cases.finished import read_result
+
     export = PartExport.of_options(options)
     if not export:
         raise ValueError("nothing to export: specify --part-mesh, --deck or --trim")
@@ -170,7 +169,7 @@ class PartExport:
 
     output: Output
     part: ToolMesh | None = None
-    deck: io.PartDeck | None = None
+    deck: "io.PartDeck | None" = None
     curves: Sequence[ndarray] = ()
     no_curves: str = ""
     others: Mapping[str, Path] = field(default_factory=dict)
@@ -184,6 +183,8 @@ class PartExport:
             require("a .dxf of the pattern", "dxf", "ezdxf")
         if not (own or output.deck or trim):
             return cls(output)
+        from ..io.tools import refuse_unit_of_part
+
         mesh = None if own is None else io.read_tool_mesh(own)
         deck = None if output.deck is None else io.read_part_deck(output.deck)
         of_deck = None if deck is None else deck.mesh
@@ -363,6 +364,8 @@ class PartExport:
         assert self.deck is not None  # see `names`
         thickness = self.output.thickness_mm
         assert thickness is not None  # see `refuse_incomplete`
+        from ..io.part_decks import written_part_deck
+
         _, no_calculix = written_part_deck(
             *(folder / _DECK, self.deck, self._on(sheet, self.deck.mesh)),
             *(thickness, self.output.material, self.output.calculix),

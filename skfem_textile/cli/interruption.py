@@ -95,7 +95,7 @@ def _end(number: int, frame: Any) -> None:
     os._exit(INTERRUPTED)
 
 
-def _is_command() -> bool:
+def is_command() -> bool:
     """True if this process is the command line, not one of its workers."""
     script, words = (sys.argv or [""])[0], sys.orig_argv
     if script.endswith("__main__.py"):
@@ -103,7 +103,7 @@ def _is_command() -> bool:
     return Path(script).stem == "skfem-textile" and script in words
 
 
-if _is_command():
+if is_command():
     for _number in _SIGNALS:
         if signal.getsignal(_number) is not signal.SIG_IGN:
             signal.signal(_number, _end)

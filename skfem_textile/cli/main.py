@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any, NamedTuple, NoReturn
 
 from .. import __version__
+from .imports import uncollected
 from .interruption import INTERRUPTED, raised
 from .output import BAD_INPUT, STOPPED_EARLY, OutputError, complain, say, silence
 
@@ -119,7 +120,8 @@ def _run(arguments: Sequence[str]) -> int:
     try:
         options = command_parser(arguments).parse_args(arguments)
         command = COMMANDS[options.command]
-        module = import_module(f".{command.module}", __package__)
+        with uncollected():
+            module = import_module(f".{command.module}", __package__)
         with raised():
             return int(getattr(module, command.function)(options))
     finally:

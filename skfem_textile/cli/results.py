@@ -18,6 +18,7 @@ from .curve import (
     Curve,
     completed,
 )
+from .imports import uncollected
 from .interruption import held
 
 #: Pictures of a ply, and their captions, in the order of a report.
@@ -57,17 +58,20 @@ def draw(
     a test curve, the forces of the tools are the only plot of a ply between tools.
     """
     result = run.result if isinstance(run, StepError) else run
-    with held():  # VTK may crash if it is interrupted
+    with held(), uncollected():  # VTK may crash if it is interrupted
         from .. import plot
         from ..io.results import has_tools
-    names = ["fibre_strain.png", "shear_angle.png", "fibre_directions.png"]
-    if result.tool(1.0) is not None and not result.not_on_tool:
-        names.append("draped.png")
-    formed = ["formed.png", "section.png", "tool_force.png"]
-    names += formed if has_tools(result.ply) else []
-    for name in [*names, "animation.gif"]:
+
+        names = ["fibre_strain.png", "shear_angle.png", "fibre_directions.png"]
+        if result.tool(1.0) is not None and not result.not_on_tool:
+            names.append("draped.png")
+        formed = ["formed.png", "section.png", "tool_force.png"]
+        names += formed if has_tools(result.ply) else []
+        names.append("animation.gif")
+        pictures = [getattr(plot, Path(name).stem) for name in names]
+    for name, picture in zip(names, pictures, strict=True):
         with held():
-            getattr(plot, Path(name).stem)(result, filename=folder / name)
+            picture(result, filename=folder / name)
     if scene.process and any(state.load_factor for state in result.states):
         with held():
             plot.phases(result, scene.process, filename=folder / "phases.png")

@@ -1,4 +1,4 @@
-"""Pictures of meshes and results: pixels by pyvista, vectors by matplotlib."""
+"""Pictures of meshes and results: by matplotlib, and pixels in space by pyvista."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Drawing of sheets, as vectors with matplotlib and as pixels with pyvista; files.
+"""Drawing of sheets with matplotlib and, in space, pixels with pyvista; files.
 
 Vector graphics of a ply in space include lines that faces hide, but not lines that a
 tool hides.
@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
+import matplotlib.path as mpath
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
@@ -48,12 +50,18 @@ def draw(
     plotter: "pv.Plotter | None",
     size: float | tuple[float, float] | None,
 ) -> "pv.Plotter | Figure":
-    """Draw a sheet into a plotter or a new picture, and write the file."""
+    """Draw a sheet into a plotter or a new picture, and write the file.
+
+    Files of plies in the plane are drawn with matplotlib: it takes a third of the time
+    of a window of VTK, and needs no OpenGL.
+    """
     path = None if filename is None else picture_path(filename)
     if plotter is None:
         layout = lay_out(sheet, size)
-        if is_vector(path):
-            figure = _figure_of(sheet, layout)
+        if is_vector(path) or (path and sheet.is_flat):
+            figure, page = _page_of(layout)
+            _draw_panels(page, sheet, layout)
+            _draw_legends(page, layout)
             save(figure, path)
             return figure
         plotter = pyvista_drawing().new_plotter(layout, PRINTED)
@@ -72,35 +80,41 @@ def draw(
         width = default_width(columns) if size is None else size
         pyvista_drawing().draw_into(plotter, sheet, width)
     if path:
-        from PIL import Image
-
-        with atomic_file(path, ".png") as file:
-            pixels = Image.fromarray(plotter.screenshot(return_img=True))
-            pixels.save(file, dpi=(PRINTED, PRINTED))
+        _write_png(plotter.screenshot(return_img=True), path)
     return plotter
 
 
 def pyvista_drawing() -> Any:
     """Import the module that draws with pyvista, which takes a second."""
-    require("a picture of pixels", "plot", "pyvista")
+    require("a plotter or a picture in space", "plot", "pyvista")
     return import_module(".pyvista_drawing", __package__)
 
 
 # Width in points of the edge that closes gaps between polygons in viewers.
 _SEAM = 0.4
 
+# Number of lines and polygons of a path: many more exceed a limit of matplotlib.
+_MANY = 1000
 
-def _figure_of(sheet: Sheet, layout: Layout) -> Figure:
-    """Figure with the panels, scales and keys of a sheet as vector graphics."""
+
+def _page_of(layout: Layout) -> tuple[Figure, mpl.axes.Axes]:
+    """New figure, and the empty page that fills it, whose coordinates are in mm."""
     inch = 25.4
     figure = Figure(figsize=(layout.width / inch, layout.height / inch))
     page = figure.add_axes((0, 0, 1, 1))
     page.set(xlim=(0, layout.width), ylim=(0, layout.height))
     page.set_axis_off()
+    return figure, page
+
+
+def _draw_panels(page: mpl.axes.Axes, sheet: Sheet, layout: Layout) -> None:
     for panel in (panel for row in layout.panels for panel in row):
         _draw_panel(page, panel, sheet)
         for line in panel.title:
             _write(page, line)
+
+
+def _draw_legends(page: mpl.axes.Axes, layout: Layout) -> None:
     for legend in layout.legends:
         for bar in legend.bars:
             _draw_bar(page, bar)
@@ -108,7 +122,28 @@ def _figure_of(sheet: Sheet, layout: Layout) -> Figure:
             page.add_line(Line2D([x, x + KEY], [y, y], color=colour, lw=1.5))
         for writing in legend.writings:
             _write(page, writing)
-    return figure
+
+
+def flat_frames(
+    sheets: Sequence[Sheet], layouts: Sequence[Layout], dots_per_inch: float
+) -> list[ndarray]:
+    """Pixels of sheets in the plane with equal legends, shape (height, width, 3)."""
+    (figure, page), frames = _page_of(layouts[0]), []
+    figure.dpi = dots_per_inch
+    canvas = FigureCanvasAgg(figure)
+    _draw_legends(page, layouts[0])
+    canvas.draw()
+    legends = canvas.copy_from_bbox(figure.bbox)
+    for sheet, layout in zip(sheets, layouts, strict=True):
+        for drawn in page.collections, page.lines, page.patches, page.texts:
+            for artist in [*drawn]:
+                artist.remove()
+        canvas.restore_region(legends)
+        _draw_panels(page, sheet, layout)
+        for artist in *page.collections, *page.texts:
+            artist.draw(canvas.get_renderer())
+        frames.append(np.array(canvas.buffer_rgba())[..., :3])
+    return frames
 
 
 def _draw_panel(page: mpl.axes.Axes, slot: Slot, sheet: Sheet) -> None:
@@ -117,40 +152,70 @@ def _draw_panel(page: mpl.axes.Axes, slot: Slot, sheet: Sheet) -> None:
     middle = 0.5 * (sheet.extent[0] + sheet.extent[1])
 
     def on_page(points: ndarray) -> ndarray:
-        return slot.middle + scale * (points - middle)[..., :2]
+        return np.asarray(slot.middle + scale * (points - middle)[..., :2])
 
     faces, colours, depths = _faces(panel)
-    order = np.argsort(depths, kind="stable")
-    polygons = PolyCollection(  # far ones first, so that near ones hide them
-        [on_page(faces[i]) for i in order], facecolors=colours[order], edgecolors="face"
-    )
-    polygons.set(linewidth=_SEAM, joinstyle="round")
-    page.add_collection(polygons, autolim=False)
+    if sheet.is_flat:
+        groups = _by_colour(colours)
+    else:  # near ones hide far ones
+        groups = list(np.argsort(depths, kind="stable")[:, None])
+    polygons = [_path(on_page(faces[group]), closed=True) for group in groups]
+    seams = {"edgecolors": "face", "linewidths": _SEAM, "joinstyle": "round"}
+    _add(page, polygons, facecolors=colours[[g[0] for g in groups]], **seams)
     for ends, colour, width in lines_of(panel, scale, sheet.show_edges):
-        lines = LineCollection(
-            list(on_page(in_front_of_tool(ends, panel.shape.tool))),
-            colors=colour,
+        lines = on_page(in_front_of_tool(ends, panel.shape.tool))
+        _add(
+            page,
+            [_path(some) for some in np.split(lines, range(_MANY, len(lines), _MANY))],
+            facecolors="none",
+            edgecolors=colour,
             linewidths=width / POINT,
             capstyle="round",
         )
-        page.add_collection(lines, autolim=False)
 
 
-def _faces(panel: Panel) -> tuple[list[ndarray], ndarray, ndarray]:
-    """Corners, colours and depths of elements and of triangles of their tool."""
+def _add(page: mpl.axes.Axes, paths: list[mpath.Path], **how: Any) -> None:
+    page.add_collection(PathCollection(paths, **how), autolim=False)
+
+
+def _path(lines: ndarray, closed: bool = False) -> mpath.Path:
+    """Lines of shape (n, n_points, 2) as one path."""
+    if closed:
+        lines = np.hstack([lines, lines[:, :1]])
+    n, k, _ = lines.shape
+    codes = np.full((n, k), mpath.Path.LINETO)
+    codes[:, 0] = mpath.Path.MOVETO
+    if closed:
+        codes[:, -1] = mpath.Path.CLOSEPOLY
+    return mpath.Path(lines.reshape(-1, 2), codes.ravel())
+
+
+def _by_colour(colours: ndarray) -> list[ndarray]:
+    """Numbers of faces in groups of one colour, of at most `_MANY` faces."""
+    order = np.lexsort(colours.T)
+    along = colours[order]
+    changes = np.flatnonzero((along[1:] != along[:-1]).any(axis=1)) + 1
+    return np.split(order, np.union1d(changes, np.arange(_MANY, len(order), _MANY)))
+
+
+def _faces(panel: Panel) -> tuple[ndarray, ndarray, ndarray]:
+    """Corners, colours and depths of elements and of triangles of their tool.
+
+    Of triangles the last corner is repeated: shape (n, 4, 3).
+    """
     shape, scale = panel.shape, panel.scale
-    faces = [face for cell in shape.cells for face in shape.points[cell.T]]
+    faces = [shape.points[cell[[0, 1, 2, -1]].T] for cell in shape.cells]
     if scale is None or panel.values is None:
         colours = _grey(shape.greys)
     else:
         colours = scale.colours((panel.values - scale.low) / (scale.high - scale.low))
     depths = shape.centres[:, 2]
     if tool := shape.tool:
-        faces += list(tool.points[tool.triangles.T])
+        faces.append(tool.points[tool.triangles[[0, 1, 2, 2]].T])
         colours = np.vstack([colours, _grey(tool.shades)])
         behind = tool.centres[:, 2] - shape.sides.max()  # behind the ply on it
         depths = np.concatenate([depths, behind])
-    return faces, colours, depths
+    return np.concatenate(faces), colours, depths
 
 
 def _grey(levels: ndarray) -> ndarray:
@@ -161,8 +226,12 @@ def _draw_bar(page: mpl.axes.Axes, bar: Bar) -> None:
     """Draw a rectangle for each colour, extended below the next one to avoid gaps."""
     (x, y, width, height), colours = bar.box, bar.colours
     ends = x + width * np.arange(len(colours) + 1) / len(colours)
-    for left, right, colour in zip(ends, [*ends[2:], ends[-1]], colours, strict=False):
-        page.add_patch(Rectangle((left, y), right - left, height, fc=colour, ec="none"))
+    left, right = ends[:-1], np.append(ends[2:], ends[-1])
+    corners = np.empty((len(colours), 4, 2))
+    corners[..., 0] = np.column_stack([left, right, right, left])
+    corners[..., 1] = y, y, y + height, y + height
+    rectangles = PolyCollection(list(corners), facecolors=colours, edgecolors="none")
+    page.add_collection(rectangles, autolim=False)
     for tip, colour in zip(bar.tips, (colours[0], colours[-1]), strict=True):
         if len(tip):
             page.add_patch(Polygon(tip, facecolor=colour, edgecolor="none"))
@@ -177,7 +246,7 @@ def _write(page: mpl.axes.Axes, writing: Writing) -> None:
         writing.text,
         font=FontProperties(fname=font_file(), size=writing.size),
         ha=writing.align,
-        va="center_baseline",
+        va="center",
         parse_math=False,
     )
 
@@ -242,9 +311,41 @@ def save(figure: Figure, path: Path | None) -> None:
     """Write a figure in the format of the suffix; without a path do nothing."""
     if path is None:
         return
-    suffix = path.suffix.lower() or SUFFIXES[0]
+    if not is_vector(path):
+        _write_png(_pixels_of(figure), path)
+        return
+    suffix = path.suffix.lower()
     with mpl.rc_context(_STYLE), atomic_file(path, suffix) as file:
-        figure.savefig(file, dpi=PRINTED, metadata=_NO_DATE.get(suffix))
+        figure.savefig(file, metadata=_NO_DATE.get(suffix))
+
+
+def _pixels_of(figure: Figure) -> ndarray:
+    """Pixels of a figure, drawn once: `savefig` draws it a second time for its layout.
+
+    Shape (height, width, 3).
+    """
+    canvas, dots_per_inch = figure.canvas, figure.dpi
+    figure.dpi = PRINTED
+    drawn = FigureCanvasAgg(figure)
+    try:
+        drawn.draw()
+    finally:
+        figure.dpi = dots_per_inch
+        figure.set_canvas(canvas)
+    return np.asarray(drawn.buffer_rgba())[..., :3]
+
+
+# Compression of pictures: the files are as small as by default, in two thirds of the
+# time.
+_COMPRESSION = 3
+
+
+def _write_png(pixels: ndarray, path: Path) -> None:
+    from PIL import Image
+
+    with atomic_file(path, ".png") as file:
+        picture = Image.fromarray(pixels)
+        picture.save(file, dpi=(PRINTED, PRINTED), compress_level=_COMPRESSION)
 
 
 # Style of all figures with axes.

@@ -1,6 +1,7 @@
 """Layout of a picture: positions of panels, scales and text in mm."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ def font_file() -> str:
     return str(findfont("DejaVu Sans"))
 
 
+@lru_cache(maxsize=4096)
 def text_width(text: str, size: float) -> float:
     """Width of a line of text in mm."""
     font = get_font(font_file())

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from numpy import ndarray
+from scipy.spatial import KDTree
 from skfem import Mesh
 
 from ..fabric.directions import FibreDirections
@@ -20,7 +21,7 @@ from ..io.results import fields_on_tool, has_tools
 from ..mesh.splitting import original_elements
 from ..solve.result import Result, StepError
 from ..solve.states import State
-from .drawing import atomic_file, draw, picture_path, pyvista_drawing
+from .drawing import atomic_file, draw, flat_frames, picture_path, pyvista_drawing
 from .fields import (
     DIVERGING,
     FIELDS,
@@ -221,7 +222,8 @@ def field(
     Returns
     -------
     pyvista.Plotter or matplotlib.figure.Figure
-        The off-screen plotter for further drawing; for vector graphics the figure.
+        The off-screen plotter for further drawing; for a file of vector graphics, or of
+        plies in the plane, the figure.
 
     Raises
     ------
@@ -549,6 +551,8 @@ def _drawn(
 ) -> list[ndarray]:
     """Pixels of each sheet, of shape (height, width, 3), drawn in one window."""
     layouts = [lay_out(sheet, size) for sheet in sheets]
+    if sheets[0].is_flat:
+        return flat_frames(sheets, layouts, dots)
     renderer, frames = pyvista_drawing(), []
     plotter = renderer.new_plotter(layouts[0], dots)
     for sheet, layout in zip(sheets, layouts, strict=True):
@@ -560,13 +564,34 @@ def _drawn(
 
 
 def _write_gif(file: Path, frames: Sequence[ndarray], duration: int) -> None:
+    """Write frames with a common palette, made from an equal part of each frame."""
     from PIL import Image
 
-    first, *others = [
-        Image.fromarray(frame).quantize(dither=Image.Dither.NONE) for frame in frames
-    ]
+    n = len(frames)
+    some = np.concatenate([x.reshape(-1, 3)[i::n] for i, x in enumerate(frames)])
+    palette = Image.fromarray(some[None]).quantize().getpalette()
+    assert palette is not None
+    first, *others = map(Image.fromarray, _in_palette(frames, palette))
+    for picture in first, *others:
+        picture.putpalette(palette)
     durations = [duration] * len(others) + [duration + _REST]
     first.save(file, save_all=True, append_images=others, duration=durations, loop=0)
+
+
+def _in_palette(frames: Sequence[ndarray], palette: Sequence[int]) -> list[ndarray]:
+    """For each pixel of frames the number of the nearest colour of a palette."""
+    packed = [
+        red.astype(np.int32) << 16 | green.astype(np.int32) << 8 | blue
+        for red, green, blue in (np.moveaxis(frame, -1, 0) for frame in frames)
+    ]
+    used = np.zeros(1 << 24, bool)
+    for each in packed:
+        used[each] = True
+    of_used = np.flatnonzero(used)
+    colours = np.column_stack([of_used >> 16, of_used >> 8 & 255, of_used & 255])
+    number = np.zeros(used.size, np.uint8)
+    number[of_used] = KDTree(np.reshape(palette, (-1, 3))).query(colours)[1]
+    return [number[each] for each in packed]
 
 
 def _write_video(file: Path, frames: Sequence[ndarray], duration: int) -> None:

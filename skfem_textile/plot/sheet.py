@@ -369,6 +369,12 @@ class Sheet(NamedTuple):
         """All panels, row by row."""
         return [panel for row in self.rows for panel in row]
 
+    @property
+    def is_flat(self) -> bool:
+        """True if no part of it is in front of another."""
+        low, high = self.extent
+        return bool(low[2] == high[2])
+
 
 def eye_axes(on_tool: bool, size: ndarray | None = None) -> ndarray:
     """Rows: directions right, up and towards the viewer, in space or on a tool.

@@ -212,6 +212,23 @@ def test_importing_the_package_loads_nothing_that_is_only_used_later():
     assert loaded & {*HEAVY, *OPTIONAL_SOLVERS} == {"msgspec"}
 
 
+PICTURE = """
+from skfem import MeshQuad
+from skfem_textile import plot
+from skfem_textile.fabric.directions import FibreDirections
+import skfem_textile.cli.run
+plot.mesh_and_fibres(MeshQuad(), FibreDirections.of_angles([0], [90]), {file!r})
+"""
+
+
+@pytest.mark.dear("it draws in another process")
+def test_a_run_loads_no_decks_and_its_pictures_in_the_plane_no_vtk(tmp_path):
+    file = tmp_path / "mesh.png"
+    loaded = loaded_by(PICTURE.format(file=str(file)))
+    assert not loaded & {"pyvista", "vtkmodules", "skfem_textile.io.part_decks"}
+    assert file.exists()
+
+
 def own(modules):
     """Layers of the package, and modules outside the layers, among loaded modules."""
     parts = (module.split(".") for module in modules)

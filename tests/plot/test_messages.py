@@ -158,17 +158,24 @@ def test_an_unsupported_suffix_is_rejected(results, tmp_path, monkeypatch, suffi
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_missing_pyvista_is_named_and_not_needed_for_vectors(
-    result, tmp_path, monkeypatch
+def test_a_missing_pyvista_is_named_and_not_needed_for_vectors_and_plane_plies(
+    result, draped, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(requirements, "is_installed", lambda name: name != "pyvista")
-    plot.fibre_directions(result, filename=tmp_path / "x.pdf")
-    message = r"pixels requires pyvista: pip install 'skfem-textile\[plot\]'$"
-    with pytest.raises(ImportError, match=message):
-        plot.fibre_directions(result, filename=tmp_path / "x.png")
-    with pytest.raises(ImportError, match=r"pip install 'skfem-textile\[plot\]'$"):
-        result.view()
-    assert [p.name for p in tmp_path.iterdir()] == ["x.pdf"]
+    written = "flat.gif", "flat.png", "x.pdf"
+    plot.animation(result, tmp_path / "flat.gif")
+    plot.fibre_directions(result, filename=tmp_path / "flat.png")
+    plot.fibre_directions(draped, filename=tmp_path / "x.pdf")
+    message = r"picture in space requires pyvista: pip install 'skfem-textile\[plot\]'$"
+    for draw in (
+        lambda: plot.fibre_directions(draped, filename=tmp_path / "x.png"),
+        lambda: plot.animation(draped, tmp_path / "x.gif"),
+        result.view,
+        lambda: plot.fibre_directions(result),
+    ):
+        with pytest.raises(ImportError, match=message):
+            draw()
+    assert sorted(p.name for p in tmp_path.iterdir()) == [*written]
 
 
 def test_a_missing_ffmpeg_is_named_before_anything_is_drawn(

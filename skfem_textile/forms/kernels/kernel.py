@@ -509,31 +509,34 @@ def positive_part(K: ndarray | None) -> ndarray | None:
     """
     if K is None or not np.isfinite(K).all():
         return K
-    full = full_matrices(K).transpose(2, 0, 1).copy()
-    if _semidefinite(full):
+    full = full_matrices(K)
+    indefinite = _indefinite(full)
+    if not indefinite.any():
         return K
-    eigenvalues, vectors = np.linalg.eigh(full)
-    indefinite = eigenvalues[:, 0] < 0
-    values, V = np.minimum(eigenvalues[indefinite], 0.0), vectors[indefinite]
-    full[indefinite] -= (V * values[:, None]) @ V.swapaxes(1, 2)
-    n_nodes, d = full.shape[1] // K.shape[1], K.shape[1]
+    some = full[..., indefinite].transpose(2, 0, 1)
+    values, V = np.linalg.eigh(some)
+    some -= (V * np.minimum(values, 0.0)[:, None]) @ V.swapaxes(1, 2)
+    full[..., indefinite] = some.transpose(1, 2, 0)
+    n_nodes, d = len(full) // K.shape[1], K.shape[1]
     first, second = np.triu_indices(n_nodes)
-    blocks = full.reshape(-1, n_nodes, d, n_nodes, d)
-    return blocks[:, first, :, second].transpose(0, 2, 3, 1)
+    return full.reshape(n_nodes, d, n_nodes, d, -1)[first, :, second]
 
 
-def _semidefinite(full: ndarray) -> bool:
-    """True if all matrices have a Cholesky factorisation, up to round-off.
+def _indefinite(full: ndarray) -> ndarray:
+    """True for matrices with a negative eigenvalue beyond round-off, shape (n,).
 
-    It takes a tenth of the time of their eigenvalues.
+    By the pivots of LDLᵀ factors of all matrices at once, which take a fiftieth of the
+    time of eigenvalues.  The matrices have shape (m, m, n).
     """
-    n = full.shape[1]
-    trace = np.trace(full, axis1=1, axis2=2)
-    try:
-        np.linalg.cholesky(full + _ROUND_OFF * trace[:, None, None] * np.eye(n))
-    except np.linalg.LinAlgError:
-        return False
-    return True
+    left, found = full.copy(), np.zeros(full.shape[2], dtype=bool)
+    diagonal = np.arange(len(full))
+    left[diagonal, diagonal] += _ROUND_OFF * np.trace(full)
+    for i in diagonal:
+        pivot, row = left[i, i], left[i, i + 1 :]
+        found |= ~(pivot > 0)
+        factors = row * np.divide(1.0, pivot, out=np.zeros_like(pivot), where=~found)
+        left[i + 1 :, i + 1 :] -= factors[:, None] * row
+    return found
 
 
 def node_pair_blocks(K: ndarray, nodes: ndarray, d: int) -> ndarray:
