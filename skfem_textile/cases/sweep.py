@@ -4,7 +4,7 @@ import logging
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import structs
 from numpy import ndarray
 
-from ..contact.figures import PARTS, mirror_images
+from ..contact.figures import PARTS, mirror_images, travels
 from ..io.file_numbers import word_of, write_table
 from ..mesh.progress import shown, unlogged
 from ..mesh.user_input import error_text, printable
@@ -89,9 +89,10 @@ class CaseSweep:
     rows
         A row for each combination of values, in their order: the values by key, the
         figures by name and unit, ``linear solves``, ``load factor``, ``reason`` and
-        ``warnings``.  Figures of a run that stopped early describe its last state, at
-        this load factor; a run without a converged step has none.  ``reason`` is empty
-        for a run that applied the whole load.
+        ``warnings``.  Figures describe the last state, at this load factor; between
+        tools the state in which the driven one is furthest, for example before it
+        returns.  A run without a converged step has none.  ``reason`` is empty for a
+        run that applied the whole load.
     """
 
     vary: Mapping[str, tuple[Any, ...]]
@@ -362,16 +363,24 @@ def _run(numbered: tuple[int, Case]) -> dict[str, Any]:
             return _end(reason=_line(error))
         if result.states[-1].load_factor == 0:
             return _end(reason=reason, solves=result.linear_solves)
-        summary = case.summary(result)
+        summary = case.summary(_until_furthest(result, case.scene.driven))
     return {
         **_figures(summary, result),
         **_end(
-            summary["load_factor"],
+            result.states[-1].load_factor,
             reason,
             result.linear_solves,
             "; ".join(summary.get("warnings", ())),
         ),
     }
+
+
+def _until_furthest(result: Result, driven: str) -> Result:
+    """The result up to the state in which a driven tool is furthest."""
+    far = travels(result).get(driven)
+    if far is None:
+        return result
+    return replace(result, states=result.states[: int(far.argmax()) + 1])
 
 
 def _line(error: Exception) -> str:

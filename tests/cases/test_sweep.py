@@ -76,6 +76,23 @@ def test_each_row_is_the_run_of_its_case():
     assert swept.compared == [LOAD, "Largest shear angle (°)", "Wrinkle risk (%)"]
 
 
+def test_a_process_is_compared_before_its_punch_returns():
+    up, down = (
+        {"name": name, "steps": 1, "tools": {"punch": {"motion_mm": [0, 0, z]}}}
+        for name, z in (("up", 20.0), ("down", 0.0))
+    )
+    few = {"scene": {"name": "hemisphere_forming"}, "mesh": {"size": (2, 2)}}
+    vary = {"shear.stiffness_N_per_mm": (0.05, 0.1)}
+    once, returned = (
+        sweep_case(few | {"phases": phases}, vary) for phases in ([up], [up, down])
+    )
+    for row, other in zip(once.rows, returned.rows, strict=True):
+        assert other[REACHED] == 1.0
+        for name in once.compared:
+            assert other[name] == pytest.approx(row[name], rel=1e-7)
+        assert row["Punch force (N)"] > 0.1
+
+
 def test_the_values_of_a_case_file_are_varied(tmp_path):
     """Its keys may be dotted, or in quotation marks."""
     file = tmp_path / "case.toml"
