@@ -1,6 +1,7 @@
 """The hemisphere in this library, with tools as constraints."""
 
 from time import process_time
+from typing import Any
 
 import numpy as np
 from skfem import MeshQuad
@@ -25,6 +26,7 @@ def ply_of(case: Forming) -> Ply:
     """The ply between its tools; at the load factor 1 the punch is at its depth."""
     line = np.linspace(0.0, case.side, case.parts + 1)
     half, q = case.gap / 2, case.edge_tension
+    rub: Any = {"friction": case.friction, "elastic_slip": case.slip}
     sphere = Sphere(case.radius, (0.0, 0.0, -case.radius - half))
     die = Die(case.radius + case.clearance, case.fillet, (0.0, 0.0, half))
     return Ply(
@@ -34,9 +36,9 @@ def ply_of(case: Forming) -> Ply:
         [
             Traction("right", (q, 0.0, 0.0), factor=1.0),
             Traction("top", (0.0, q, 0.0), factor=1.0),
-            Tool(sphere, motion=(0.0, 0.0, case.depth), name="punch"),
-            Tool(die, name="die"),
-            Tool(Plane((0.0, 0.0, -half)), name="holder"),
+            Tool(sphere, motion=(0.0, 0.0, case.depth), name="punch", **rub),
+            Tool(die, name="die", **rub),
+            Tool(Plane((0.0, 0.0, -half)), name="holder", **rub),
         ],
         dimension=3,
         fibre_ends={"left": "mirror", "bottom": "mirror"},

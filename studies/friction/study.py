@@ -6,6 +6,7 @@ from typing import Any
 
 from ..common.tables import markdown_table
 from ..study import Part, Row, Study
+from . import extremes
 from .problems import problems
 
 
@@ -59,7 +60,7 @@ def hemispheres(rows: list[Row]) -> str:
 
 
 class Friction(Study[Any]):
-    """Friction with tools: exact solutions, and a hemisphere."""
+    """Friction with tools: exact forces, a hemisphere, and problems drawn at random."""
 
     parts = (
         Part(
@@ -68,11 +69,21 @@ class Friction(Study[Any]):
         Part(
             "hemispheres.csv", {"hemispheres.md": hemispheres}, cases=("hemisphere*",)
         ),
+        Part(
+            "random.csv",
+            {
+                "outcomes.md": extremes.outcomes,
+                "causes.md": extremes.causes,
+                "deviations.md": extremes.deviations,
+                "more_steps.md": extremes.more_steps,
+            },
+            cases=tuple(f"{kind}, *" for kind in extremes.NUMBERS),
+        ),
     )
     sample = "belt, μ 0.3, 90°, 60 elements"
 
     def cases(self, options: argparse.Namespace) -> Sequence[Any]:
-        return [*problems()]
+        return [*problems(), *extremes.extremes()]
 
 
 STUDY = Friction()
