@@ -145,8 +145,8 @@ def outcomes(rows: list[Row]) -> str:
         for found in [[counts[kind, tools, outcome] for outcome in OUTCOMES]]
     ]
     for kind in dict.fromkeys(kind for kind, _ in groups):
-        of_kind = [line[2:] for line in lines if line[0] == kind]
-        lines.append([kind, "all", *(sum(column) for column in zip(*of_kind))])
+        of_kind = np.array([line[2:] for line in lines if line[0] == kind])
+        lines.append([kind, "all", *of_kind.sum(axis=0)])
     return markdown_table(["cases", "tools", "drawn", *OUTCOMES], lines)
 
 

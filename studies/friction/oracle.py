@@ -239,7 +239,7 @@ class Oracle:
 
     def judge(self, state: State) -> None:
         """Record the deviations of a state."""
-        u, t = state.u, state.load_factor
+        u = state.u
         x = self._points(u)
         touches = [self._touches(one, state, x) for one in self.contacts]
         pushes = [self._nodal(touch.normal - touch.friction) for touch in touches]

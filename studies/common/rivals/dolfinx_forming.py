@@ -365,7 +365,8 @@ class Snes:
 class Descent:
     """Newton's method with a definite tangent and a line search on the energy.
 
-    Without friction, whose tangent has no energy.  MUMPS counts the negative pivots; the tangent is shifted until there are none.
+    Without friction, whose tangent has no energy.  MUMPS counts the negative
+    pivots; the tangent is shifted until there are none.
     """
 
     def __init__(self, ply):
