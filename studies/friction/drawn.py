@@ -35,7 +35,7 @@ HEMISPHERE, DOME, STL, DRUM, PLATE = TOOLS = (
 )
 
 # Shares of the tools.
-_SHARES = 0.3, 0.15, 0.15, 0.2, 0.2
+_SHARES = 0.27, 0.13, 0.15, 0.2, 0.25
 
 #: Motions: paths of the travel, with sideways motion or rotation.
 _PRESSED = "up", "back", "twice", "opened", "sideways", "turned"
@@ -56,10 +56,14 @@ _HALFWAY = ((0.0, 0.5, 1.0), (0.0, 0.0, 1.0))
 
 # Steps of a run, of which paths with corners use multiples of four.
 _STEPS = 2, 3, 5, 8, 12, 20, 40
-_STEPS_OF_CORNERS = 4, 8, 12, 20, 40
+_STEPS_OF_CORNERS = 4, 4, 8, 8, 12, 20, 40
+
+# Shares of these steps, and of 6 to 10 elements across.
+_SHARES_OF_STEPS = 0.2, 0.2, 0.2, 0.15, 0.15, 0.07, 0.03
+_SHARES_OF_PARTS = 0.35, 0.25, 0.2, 0.1, 0.1
 
 # Edges of the triangles of a tool in mm.
-_EDGE = 4.0
+_EDGE = 5.0
 
 Motion = Callable[[float], tuple[ndarray, ndarray]]
 
@@ -160,10 +164,10 @@ class Drawn:
             tools,
             motion,
             chosen(holders) if tools in (HEMISPHERE, DOME, STL) else "pressure",
-            int(rng.integers(6, 11)),
+            chosen((6, 7, 8, 9, 10), _SHARES_OF_PARTS),
             chosen(("squares", "triangles"), (0.85, 0.15)),
             bool(asymmetric or rng.random() < 0.1),
-            chosen(_STEPS_OF_CORNERS if corners else _STEPS),
+            chosen(_STEPS_OF_CORNERS if corners else _STEPS, _SHARES_OF_STEPS),
             (chosen(ends), chosen(ends), between(0.0, 1.0)),
             chosen((0.0, 0.5, 1.0), (0.15, 0.15, 0.7)),
             scaled(0.002, 0.2),

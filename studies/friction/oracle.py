@@ -153,6 +153,8 @@ class Touch(NamedTuple):
     ----------
     normal, friction
         Normal and friction force in N, shape (3, n).
+    bound
+        Largest friction force in N, shape (n,).
     moved, slid
         Slip over the tool since the last state in mm, shape (3, n), and the length of
         its part beyond the elastic slip, shape (n,).
@@ -165,6 +167,7 @@ class Touch(NamedTuple):
 
     normal: ndarray
     friction: ndarray
+    bound: ndarray
     moved: ndarray
     slid: ndarray
     gap: ndarray
@@ -310,7 +313,7 @@ class Oracle:
         size = (friction**2).sum(axis=0)
         stored = self._slip * size / np.where(bound > 0, 2 * bound, 1.0)
         lost = np.linalg.norm(friction, axis=0) * slid
-        return Touch(n * N, friction, moved, slid, gap, stored.sum(), lost)
+        return Touch(n * N, friction, bound, moved, slid, gap, stored.sum(), lost)
 
     def _judge_tool(
         self, one: Contact, touch: "Touch", state: State, force: ndarray, scale: float
@@ -369,6 +372,8 @@ class Oracle:
                 open_to += 0.5 * np.abs(works[0] - works[1]).sum()
                 turned = np.linalg.norm(after.friction - before.friction, axis=0)
                 open_to += float(turned @ after.slid)
+                # The stiffness of the elastic slip changes with the bound.
+                open_to += 0.5 * self._slip * np.abs(after.bound - before.bound).sum()
                 self.moved += abs(0.5 * sum(works).sum())
             self.missed += missed
             self.excess += max(abs(missed) - open_to, 0.0)
