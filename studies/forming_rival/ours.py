@@ -1,9 +1,15 @@
-"""The hemisphere in this library, with tools as constraints."""
+"""The hemisphere in this library, with tools as constraints.
 
+Contact is judged at the nodes, as by the other codes.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 from time import process_time
 from typing import Any
 
 import numpy as np
+from scipy.sparse import identity
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -15,6 +21,7 @@ from skfem_textile import (
     Tool,
     Traction,
 )
+from skfem_textile.contact import obstacle
 from skfem_textile.drape import Die, Plane, Sphere
 
 from ..common.rivals.course import Course, draw_in, ends_of
@@ -22,8 +29,26 @@ from ..common.rivals.forming import Forming
 from ..common.running import errors_only, run
 
 
+@contextmanager
+def _at_nodes() -> Iterator[None]:
+    """Contact points are the nodes."""
+    before = obstacle.contact_points
+    obstacle.contact_points = lambda mesh, mirrors: identity(
+        mesh.nvertices, format="csr"
+    )
+    try:
+        yield
+    finally:
+        obstacle.contact_points = before
+
+
 def ply_of(case: Forming) -> Ply:
     """The ply between its tools; at the load factor 1 the punch is at its depth."""
+    with _at_nodes():
+        return _ply_of(case)
+
+
+def _ply_of(case: Forming) -> Ply:
     line = np.linspace(0.0, case.side, case.parts + 1)
     half, q = case.gap / 2, case.edge_tension
     rub: Any = {"friction": case.friction, "elastic_slip": case.slip}

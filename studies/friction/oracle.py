@@ -25,7 +25,8 @@ Judgement = Mapping[str, float]
 
 # Largest deviations of an accepted state.  Forces are relative to the largest force of
 # a tool, condition or load: of a residual in equilibrium, rounding leaves 1e-9.
-# Penetrations are relative to the size of the ply, as `CLOSED`.
+# Penetrations are relative to the size of the ply, as `CLOSED`; works, and the part of
+# the energy balance that the steps do not explain, to the sum of its terms.
 LIMITS: Judgement = {
     "unbalanced": 1e-6,
     "friction force": 1e-6,
@@ -345,9 +346,6 @@ class Oracle:
         along = (theirs * touch.moved)[:, far].sum(axis=0)
         along /= np.linalg.norm(touch.moved[:, far], axis=0)
         self._record("against sliding", (-along).max(initial=0.0) / scale)
-        if one.work > 0:
-            off = abs(state.energy_lost[term.name] / one.work - 1)
-            self._record("work of sliding", off)
 
     def _balance(self, state: State, x: ndarray, touches: list["Touch"]) -> None:
         """Add the step since the last state to the balance of energy.
@@ -379,3 +377,7 @@ class Oracle:
             self.excess += max(abs(missed) - open_to, 0.0)
         self._last = t, x, touches, energy
         self._record("energy", self.excess / self.moved)
+        for one in self.contacts:
+            if one.term.friction:
+                off = abs(state.energy_lost[one.term.name] - one.work)
+                self._record("work of sliding", off / self.moved)
