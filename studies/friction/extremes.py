@@ -50,7 +50,7 @@ class Extreme:
         with errors_only():
             problem, result, refused = _run(drawn, drawn.steps)
             row |= {"outcome": REFUSED if refused else RIGHT, "cause": refused}
-            if result is None:
+            if problem is None or result is None:
                 return [row]
             oracle = _judged(drawn, problem, result)
             row |= {
@@ -67,9 +67,9 @@ class Extreme:
         return [row]
 
 
-def _run(drawn: Drawn, steps: int) -> tuple[Problem, Result | None, str]:
+def _run(drawn: Drawn, steps: int) -> tuple[Problem | None, Result | None, str]:
     """Problem, result and the reason of a refusal."""
-    problem, iterations = drawn.problem(), 0
+    iterations = 0
 
     def count(iteration: Iteration) -> None:
         nonlocal iterations
@@ -78,14 +78,15 @@ def _run(drawn: Drawn, steps: int) -> tuple[Problem, Result | None, str]:
             raise _TooLongError
 
     try:
+        problem = drawn.problem()
         stepper = LoadStepper(
             problem.ply, problem.conditions, steps=steps, on_iteration=count
         )
         return problem, *run(stepper)
     except _TooLongError:
-        return problem, None, f"more than {_MOST} iterations"
+        return None, None, f"more than {_MOST} iterations"
     except ValueError as error:
-        return problem, None, str(error)
+        return None, None, str(error)
 
 
 def _judged(drawn: Drawn, problem: Problem, result: Result) -> Oracle:

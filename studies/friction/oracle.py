@@ -43,8 +43,8 @@ LIMITS: Judgement = {
 }
 
 
-# Distance in mm of nodes from a plane of symmetry on which they are, a force in N below
-# those of any state, and a motion in mm whose work is round-off.
+# Distance in mm of nodes on a plane of symmetry from it, a force in N that is smaller
+# than any in a state, and a motion in mm whose work is round-off.
 _ON_PLANE, _NO_FORCE, _MOTION = 1e-9, 1e-12, 1e-6
 
 
@@ -206,7 +206,7 @@ class Oracle:
         Largest deviations of all states by name, see `LIMITS`.
     missed, excess, moved
         Energy in N·mm that is missing in the balance with works by trapezoids; the part
-        of it that works between those by the forces of both ends of each step cannot
+        of it that works by the forces at both ends of each step cannot
         explain; and the sum of all terms of the balance.
     """
 
@@ -264,7 +264,7 @@ class Oracle:
         self._record("unbalanced", np.abs(left).max() / scale)
         outer = load + sum(pushes) + held
         self._record("total force", np.linalg.norm(outer.sum(axis=0)) / scale)
-        if not self._on_planes.any():  # whose moments are not those of nodal forces
+        if not self._on_planes.any():  # where nodes have moments too
             moment = np.cross((self._X + u.reshape(-1, 3).T).T, outer).sum(axis=0)
             off = np.linalg.norm(moment) / (scale * self._size)
             self._record("total moment", off)
@@ -284,7 +284,7 @@ class Oracle:
         return np.where(self._on_planes, self._X, x)
 
     def _nodal(self, f: ndarray) -> ndarray:
-        """Forces of the nodes, (n, 3), from those of contact points, (3, n)."""
+        """Forces of the nodes, (n, 3), from forces of contact points, (3, n)."""
         return np.asarray(self._P.T @ f.T)
 
     def _residual(self, state: State) -> ndarray:
@@ -350,7 +350,8 @@ class Oracle:
     def _balance(self, state: State, x: ndarray, touches: list["Touch"]) -> None:
         """Add the step since the last state to the balance of energy.
 
-        Forces that grow or fall in a step do a work between those of its ends.
+        Forces that grow or fall in a step do a work between its two values with the
+        forces at start and end.
         """
         t = state.load_factor
         energy = sum(state.energies.values()) + sum(touch.stored for touch in touches)
