@@ -13,11 +13,11 @@ from skfem_textile.solve.states import Iteration
 from ..common.running import errors_only, run
 from ..common.tables import markdown_table
 from ..study import Row
-from .drawn import JUDGED, MENDED, MONOTONE, Drawn, Problem
+from .drawn import JUDGED, MONOTONE, TOOLS, Drawn, Problem
 from .oracle import LIMITS, Oracle
 
-#: Seed of all cases, and number of cases of each kind.
-SEED, NUMBERS = 2, {JUDGED: 160, MENDED: 40}
+#: Seed of all cases, and number of stored ones, which judge the library.
+SEED, NUMBER = 2, 160
 
 #: Outcomes of a case.
 RIGHT, REFUSED, WRONG = OUTCOMES = "right", "refused", "wrong"
@@ -132,23 +132,27 @@ def _of_tools(result: Result) -> dict[str, Any]:
 
 
 def extremes() -> list[Extreme]:
-    """All cases."""
-    return [Extreme(kind, i) for kind, n in NUMBERS.items() for i in range(n)]
+    """All stored cases."""
+    return [Extreme(JUDGED, i) for i in range(NUMBER)]
 
 
 def outcomes(rows: list[Row]) -> str:
-    """Number of cases by kind, tools and outcome."""
-    counts = Counter((_kind(row), row["tools"], row["outcome"]) for row in rows)
-    groups = dict.fromkeys((kind, tools) for kind, tools, _ in sorted(counts))
-    lines = [
-        [kind, tools, sum(found), *found]
-        for kind, tools in groups
-        for found in [[counts[kind, tools, outcome] for outcome in OUTCOMES]]
+    """Number of cases by tools and outcome, and of accepted ones with a warning."""
+    lines = []
+    for tools in TOOLS:
+        of = [row for row in rows if row["tools"] == tools]
+        counts = Counter(row["outcome"] for row in of)
+        warned = sum(row["outcome"] == RIGHT and not row["resolved"] for row in of)
+        found = [counts[outcome] for outcome in OUTCOMES]
+        lines.append([tools, len(of), *found, warned])
+    total = np.array([line[1:] for line in lines]).sum(axis=0)
+    heads = [
+        "tools",
+        "drawn",
+        *OUTCOMES,
+        "right with the warning of an unresolved path",
     ]
-    for kind in dict.fromkeys(kind for kind, _ in groups):
-        of_kind = np.array([line[2:] for line in lines if line[0] == kind])
-        lines.append([kind, "all", *of_kind.sum(axis=0)])
-    return markdown_table(["cases", "tools", "drawn", *OUTCOMES], lines)
+    return markdown_table(heads, [*lines, ["all", *total]])
 
 
 def causes(rows: list[Row]) -> str:
@@ -197,7 +201,3 @@ def more_steps(rows: list[Row]) -> str:
         )
     heads = ["steps", "cases", "change of the position, median", "largest"]
     return markdown_table([*heads, "of the force, median", "largest"], lines)
-
-
-def _kind(row: Row) -> str:
-    return str(row["case"]).partition(",")[0]

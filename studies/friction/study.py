@@ -1,6 +1,7 @@
 """Forces and work of friction on belts, strips and wedges, and formed hemispheres."""
 
 import argparse
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -77,13 +78,31 @@ class Friction(Study[Any]):
                 "deviations.md": extremes.deviations,
                 "more_steps.md": extremes.more_steps,
             },
-            cases=tuple(f"{kind}, *" for kind in extremes.NUMBERS),
+            cases=("judged, *",),
         ),
     )
     sample = "belt, μ 0.3, 90°, 60 elements"
 
     def cases(self, options: argparse.Namespace) -> Sequence[Any]:
         return [*problems(), *extremes.extremes()]
+
+    def line(self, rows: list[Row]) -> str:
+        """Outcome and cause of a problem drawn at random; all entries of others."""
+        (row,) = rows
+        if "outcome" not in row:
+            return super().line(rows)
+        return f"{row['case']}: {row['outcome']} {row['cause']}".rstrip()
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        """Numbers of problems drawn at random by outcome."""
+        counts = Counter(row["outcome"] for row in rows if row.get("outcome"))
+        drawn = {"drawn": str(counts.total())}
+        return drawn | {name: str(counts[name]) for name in extremes.OUTCOMES}
+
+    def complaint(self, rows: list[Row]) -> str:
+        """Report wrong states."""
+        wrong = sum(row.get("outcome") == extremes.WRONG for row in rows)
+        return f"{wrong} wrong result(s)" if wrong else ""
 
 
 STUDY = Friction()

@@ -96,9 +96,9 @@ def test_triangles_of_a_tool_pass_through_a_file(tmp_path):
 def test_tables_count_outcomes_and_list_causes():
     rows = [
         {"case": f"judged, {i}", "tools": "plate", "motion": "up", "holder": "none"}
-        | {"steps": 2, "outcome": outcome, "cause": cause}
+        | {"steps": 2, "outcome": outcome, "cause": cause, "resolved": False}
         for i, (outcome, cause) in enumerate([(RIGHT, ""), ("refused", "too far")])
     ]
-    assert "| judged | plate | 2 | 1 | 1 | 0 |" in outcomes(rows)
+    assert "| plate | 2 | 1 | 1 | 0 | 1 |" in outcomes(rows)
     assert causes(rows).count("judged") == 1
     assert "too far" in causes(rows)
