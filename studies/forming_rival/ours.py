@@ -32,10 +32,9 @@ from ..common.running import errors_only, run
 @contextmanager
 def _at_nodes() -> Iterator[None]:
     """Contact points are the nodes."""
-    before = obstacle.contact_points
-    obstacle.contact_points = lambda mesh, mirrors: identity(
-        mesh.nvertices, format="csr"
-    )
+    before: Any = obstacle.contact_points
+    at_nodes: Any = lambda mesh, mirrors: identity(mesh.nvertices, format="csr")  # noqa: E731
+    obstacle.contact_points = at_nodes
     try:
         yield
     finally:

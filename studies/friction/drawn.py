@@ -310,7 +310,7 @@ class Drawn:
                 amount = {"force": partial(_rising, force), "compaction": law}
             holders.append(
                 Holder(
-                    *(flange,),
+                    flange,
                     side=-1,
                     outline=segment,
                     name=f"segment_{i + 1}",

@@ -17,6 +17,7 @@ from skfem_textile import Ply, State
 from skfem_textile.contact.holder import HolderPressure, pressing
 from skfem_textile.contact.obstacle import ToolTerm
 from skfem_textile.mesh.recovery import contact_points
+from skfem_textile.ply.parameters import NO_VALUES
 
 Motion = Callable[[float], tuple[ndarray, ndarray]]
 
@@ -298,7 +299,7 @@ class Oracle:
     def _load(self, state: State) -> ndarray:
         """Nodal forces of the loads, shape (n, 3)."""
         loads = [
-            -term.residual(state.u, state.load_factor)
+            -term.residual(state.u, state.load_factor, NO_VALUES)
             for term in self._ply.terms
             if term.role == "load" and not isinstance(term, ToolTerm)
         ]
@@ -367,13 +368,14 @@ class Oracle:
             self.moved += abs(energy - energy_0) + lost
             for one, before, after in zip(self.contacts, earlier, touches, strict=True):
                 works = one.works(((t_0, x_0), (t, x)), (before, after))
-                missed -= 0.5 * sum(works).sum()
+                work = 0.5 * float(works[0].sum() + works[1].sum())
+                missed -= work
                 open_to += 0.5 * np.abs(works[0] - works[1]).sum()
                 turned = np.linalg.norm(after.friction - before.friction, axis=0)
                 open_to += float(turned @ after.slid)
                 # The stiffness of the elastic slip changes with the bound.
                 open_to += 0.5 * self._slip * np.abs(after.bound - before.bound).sum()
-                self.moved += abs(0.5 * sum(works).sum())
+                self.moved += abs(work)
             self.missed += missed
             self.excess += max(abs(missed) - open_to, 0.0)
         self._last = t, x, touches, energy
