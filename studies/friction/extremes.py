@@ -173,15 +173,15 @@ def deviations(rows: list[Row]) -> str:
     """Largest deviation of any accepted state from the oracle."""
     judged = [row for row in rows if row.get("energy") is not None]
     lines = [
-        [name, f"{limit:.0e}", f"{max(row[name] for row in judged):.1e}"]
+        [name, f"{limit:.0e}", f"{abs(max(row[name] for row in judged)):.1e}"]
         for name, limit in LIMITS.items()
     ]
     return markdown_table(["deviation", "limit", "largest"], lines)
 
 
 def more_steps(rows: list[Row]) -> str:
-    """Changes in twice as many steps of runs that press on or shift, by steps."""
-    known = [row for row in rows if row.get("moved_in_more_steps") is not None]
+    """Changes in twice as many steps of resolved runs that only advance, by steps."""
+    known = [row for row in rows if row["resolved"] and row.get("finer_resolved")]
     lines = []
     for steps in sorted({row["steps"] for row in known}):
         of_steps = [row for row in known if row["steps"] == steps]
