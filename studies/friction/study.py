@@ -1,7 +1,6 @@
 """Forces and work of friction on belts, strips and wedges, and formed hemispheres."""
 
 import argparse
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -92,12 +91,6 @@ class Friction(Study[Any]):
         if "outcome" not in row:
             return super().line(rows)
         return f"{row['case']}: {row['outcome']} {row['cause']}".rstrip()
-
-    def figures(self, rows: list[Row]) -> dict[str, str]:
-        """Numbers of problems drawn at random by outcome."""
-        counts = Counter(row["outcome"] for row in rows if row.get("outcome"))
-        drawn = {"drawn": str(counts.total())}
-        return drawn | {name: str(counts[name]) for name in extremes.OUTCOMES}
 
     def complaint(self, rows: list[Row]) -> str:
         """Report wrong states."""
