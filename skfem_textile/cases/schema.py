@@ -467,6 +467,12 @@ class Loads(Table):
     ] = None
 
 
+if TYPE_CHECKING:
+    Clamp: TypeAlias = DeclaredTable
+else:
+    Clamp = table_of(declared.Clamp, tag=False)
+
+
 Check: TypeAlias = Literal[
     "folding",
     "crease",
@@ -485,7 +491,11 @@ class Stepping(Table):
     """Load steps and solvers."""
 
     steps: Annotated[
-        int, about("number of load steps, with a programme of each of its parts")
+        int | None,
+        about(
+            "number of load steps, with a programme of each of its parts; not beside "
+            "phases"
+        ),
     ] = 20
     programme: Annotated[
         tuple[float, ...] | None,

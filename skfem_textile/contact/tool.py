@@ -3,7 +3,7 @@
 `Tool` and `Holder` are declarations; `obstacle` and `holder` contain their terms.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -68,9 +68,6 @@ class Tool:
         the load factor.
     elastic_slip
         Slip in mm up to which friction is elastic, before the ply slides.
-    exact_stick
-        True if the ply does not slip before it slides; it takes more linear solves, and
-        steps are refused if it does not converge: a small elastic slip takes less.
     name
         Name of the term, of the force of the tool, and of its travel.
     stated
@@ -100,7 +97,6 @@ class Tool:
     outline: ArrayLike | None = None
     friction: Amount = 0.0
     elastic_slip: float = 0.02
-    exact_stick: bool = False
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -143,7 +139,7 @@ class Holder:
         from the thickness of the ply under the holder.
     compaction
         Law of compaction of the ply under a force, such as `Compaction`.
-    motion, side, thickness, outline, friction, elastic_slip, exact_stick, name, stated
+    motion, side, thickness, outline, friction, elastic_slip, name, stated
         See `Tool`.
 
     Examples
@@ -170,7 +166,6 @@ class Holder:
     outline: ArrayLike | None = None
     friction: Amount = 0.0
     elastic_slip: float = 0.02
-    exact_stick: bool = False
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -226,20 +221,51 @@ class Holder:
 
 _Term = TypeVar("_Term", bound=ToolTerm)
 
-# Largest coefficient of friction.  A coefficient in percent is larger.
-_MOST_FRICTION = 2.0
+#: Largest coefficient of friction.  A coefficient in percent is larger.
+MOST_FRICTION = 2.0
+
+
+def rotated_and_moved(
+    translation: ndarray, degrees: float, axis: Sequence[float], point: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Motion of a tool: rotation about an axis through a point, then a translation.
+
+    Parameters
+    ----------
+    translation
+        Translation in mm, shape (3,).
+    degrees
+        Angle in degrees, counterclockwise if the axis points to the viewer.
+    axis
+        Direction of the axis, of any length.
+    point
+        Point on it in mm, shape (3,).
+
+    Returns
+    -------
+    tuple
+        Rotation matrix about the origin, and translation.
+    """
+    turn = rotation_matrix(axis, degrees)
+    return turn, point - turn @ point + translation
+
+
+def rotation_matrix(axis: Sequence[float], degrees: float) -> ndarray:
+    """Matrix of a rotation about an axis of any length, shape (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    unit = np.array(axis) / np.abs(axis).max()
+    unit /= np.linalg.norm(unit)
+    return np.asarray(Rotation.from_rotvec(degrees * unit, degrees=True).as_matrix())
 
 
 def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
     """The term of a tool, with its friction if there is any."""
+    amounts = "motion", "friction", "gap", "pressure", "force"
+    term.amounts = tuple(getattr(tool, name, None) for name in amounts)
     what = f"{what}: friction"
-    coefficient = function_of(what, tool.friction, 0.0, "", _MOST_FRICTION)
+    coefficient = function_of(what, tool.friction, 0.0, "", MOST_FRICTION)
     slip = number(f"{what}: elastic_slip", tool.elastic_slip, above=0)
-    if not isinstance(tool.exact_stick, bool | np.bool_):
-        raise ValueError(
-            f"{what}: exact_stick must be True or False, got "
-            f"{shortened(tool.exact_stick)}"
-        )
     if callable(tool.friction) or tool.friction:
-        term.with_friction(coefficient, slip, tool.exact_stick)
+        term.with_friction(coefficient, slip)
     return term

@@ -1,6 +1,7 @@
 """Public names, which the package imports on first use."""
 
 from .curves import (
+    compared_runs as compared_runs,
     curves as curves,
     plot_law as plot_law,
     plot_tensions as plot_tensions,
@@ -15,6 +16,7 @@ from .fields import (
 )
 from .forming import (
     formed as formed,
+    phases as phases,
     section as section,
     tool_force as tool_force,
 )

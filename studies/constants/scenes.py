@@ -11,7 +11,6 @@ from skfem import MeshQuad
 from skfem_textile import (
     Condition,
     Fabric,
-    Holder,
     LoadStepper,
     Macro,
     OnePoint,
@@ -20,8 +19,6 @@ from skfem_textile import (
     Quadratic,
     Sin2,
     ToleranceStepper,
-    Tool,
-    Traction,
     drape,
     fit_to_fibres,
     mesh_along_fibres,
@@ -117,24 +114,6 @@ _CUP: dict[str, Any] = {
     **{"mesh": "aligned", "radius": 40.0, "fillet": 10.0, "travel": 20.0},
     **{"width": 160.0, "height": 160.0, "size": (3, 3)},
 }
-
-
-def _sticking() -> Outcome:
-    """A strip under a weight on a plate that is pulled below its friction force."""
-    stick: Any = {"side": 1, "friction": 0.3, "exact_stick": True}
-    plate = Tool(drape.Plane(), name="plate", **stick)
-    weight = Holder(drape.Plane(), pressure=0.01, side=1, name="weight")
-    load = Traction("right", (0.14, 0.0, 0.0))
-    x, y = np.linspace(0, 50, 6), np.linspace(0, 10, 2)
-    mesh = MeshQuad.init_tensor(x, y).with_defaults()
-    fabric = Fabric(1e4, 10.0, bending=(1.0, 1.0))
-    ply = Ply(mesh, fabric, terms=[plate, weight, load], dimension=3)
-    held = {"y": Condition("bottom", (None, 0.0, None))}
-    result = LoadStepper(ply, held, steps=1).run()
-    along = result.u[::3]
-    figures = {"motion of the loose end": along.min(), "of the pulled one": along.max()}
-    return result.linear_solves, {key: float(x) for key, x in figures.items()}
-
 
 _HELD = {"fixed": Condition("bottom"), "pulled": Condition("top", (0.0, 12.0))}
 
@@ -309,7 +288,6 @@ SCENES = {
             "stretched ply",
             _ply(hemisphere_forming, 1e5, 0.1, 1, bending=5.0, gap=0.35, **_CUP),
         ),
-        Scene("sticking strip", _sticking, ("contact.friction",)),
     ),
     "outlines": (
         Scene("net", _meshed(lambda: mesh_outline(_specimen(), _fabric(45.0), _HELD))),
