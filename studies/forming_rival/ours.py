@@ -1,8 +1,15 @@
-"""The hemisphere in this library, with tools as constraints."""
+"""The hemisphere in this library, with tools as constraints.
 
+Contact is judged at the nodes, as by the other codes.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 from time import process_time
+from typing import Any
 
 import numpy as np
+from scipy.sparse import identity
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -14,6 +21,7 @@ from skfem_textile import (
     Tool,
     Traction,
 )
+from skfem_textile.contact import obstacle
 from skfem_textile.drape import Die, Plane, Sphere
 
 from ..common.rivals.course import Course, draw_in, ends_of
@@ -21,10 +29,28 @@ from ..common.rivals.forming import Forming
 from ..common.running import errors_only, run
 
 
+@contextmanager
+def _at_nodes() -> Iterator[None]:
+    """Contact points are the nodes."""
+    before: Any = obstacle.contact_points
+    at_nodes: Any = lambda mesh, mirrors: identity(mesh.nvertices, format="csr")  # noqa: E731
+    obstacle.contact_points = at_nodes
+    try:
+        yield
+    finally:
+        obstacle.contact_points = before
+
+
 def ply_of(case: Forming) -> Ply:
     """The ply between its tools; at the load factor 1 the punch is at its depth."""
+    with _at_nodes():
+        return _ply_of(case)
+
+
+def _ply_of(case: Forming) -> Ply:
     line = np.linspace(0.0, case.side, case.parts + 1)
     half, q = case.gap / 2, case.edge_tension
+    rub: Any = {"friction": case.friction, "elastic_slip": case.slip}
     sphere = Sphere(case.radius, (0.0, 0.0, -case.radius - half))
     die = Die(case.radius + case.clearance, case.fillet, (0.0, 0.0, half))
     return Ply(
@@ -34,9 +60,9 @@ def ply_of(case: Forming) -> Ply:
         [
             Traction("right", (q, 0.0, 0.0), factor=1.0),
             Traction("top", (0.0, q, 0.0), factor=1.0),
-            Tool(sphere, motion=(0.0, 0.0, case.depth), name="punch"),
-            Tool(die, name="die"),
-            Tool(Plane((0.0, 0.0, -half)), name="holder"),
+            Tool(sphere, motion=(0.0, 0.0, case.depth), name="punch", **rub),
+            Tool(die, name="die", **rub),
+            Tool(Plane((0.0, 0.0, -half)), name="holder", **rub),
         ],
         dimension=3,
         fibre_ends={"left": "mirror", "bottom": "mirror"},

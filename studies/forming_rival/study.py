@@ -2,7 +2,8 @@
 
 A quarter of a ply of 300 × 300 mm is formed by a hemispherical punch through a die,
 with the same energy on the same squares.  In this library contact with the tools is a
-constraint, in the other codes a penalty, which converges towards it.
+constraint, in the other codes a penalty, which converges towards it.  With friction,
+DOLFINx has an unsymmetric tangent, and therefore SNES alone.
 """
 
 import argparse
@@ -52,7 +53,9 @@ class Case:
     steps: int = 10
 
     def __str__(self) -> str:
-        return f"{self.forming.parts}×{self.forming.parts} to {self.forming.depth:g} mm"
+        made = self.forming
+        rubs = f", μ {made.friction:g}" if made.friction else ""
+        return f"{made.parts}×{made.parts} to {made.depth:g} mm{rubs}"
 
     def rows(self) -> list[Row]:
         """Forces, draw-in, solves and times of each code, a row for each travel."""
@@ -70,6 +73,7 @@ class Case:
             {
                 "case": str(self),
                 "parts": self.forming.parts,
+                "friction": self.forming.friction,
                 "penalty": penalty,
                 "code": name,
                 "travel": round(float(travel), 9),
@@ -115,12 +119,21 @@ def differences(rows: Sequence[Row]) -> list[tuple[Row, float]]:
 def courses(rows: Sequence[Row]) -> str:
     """End of each course, and its difference from this library."""
     heads = [
-        *("elements", "penalty in N/mm³", "code", "travel", "punch force", "draw-in"),
+        *(
+            "elements",
+            "friction",
+            "penalty in N/mm³",
+            "code",
+            "travel",
+            "punch force",
+            "draw-in",
+        ),
         *("of the corner", "largest difference of the force", "solves", "time"),
     ]
     lines = [
         [
             f"{row['parts']}×{row['parts']}",
+            f"{row.get('friction') or 0:g}",
             "–" if row["penalty"] is None else f"{row['penalty']:g}",
             row["code"],
             f"{row['travel']:g} mm",
@@ -144,10 +157,12 @@ class FormingRival(Study[Case]):
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         soft = [(penalty, name) for penalty in _SOFT for name in CODES]
+        rubbing = tuple((penalty, SNES) for penalty in _SOFT)
         quick = tuple((_SOFT[0], name) for name in CODES)
         return [
             Case(Forming(), (*soft, (_STIFF, DESCENT))),
             Case(Forming(parts=6, depth=30.0), quick, steps=2),
+            Case(Forming(parts=12, friction=0.2), rubbing),
         ]
 
     def line(self, rows: list[Row]) -> str:
@@ -162,9 +177,11 @@ class FormingRival(Study[Case]):
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """Differences of the force and ratios of the times at the full depth."""
         (ours, _), *others = [
-            (row, off) for row, off in differences(rows) if row["parts"] > 6
+            (row, off)
+            for row, off in differences(rows)
+            if row["parts"] > 6 and not row.get("friction")
         ]
-        found = {}
+        found = _with_friction(rows)
         for i, penalty in enumerate((*_SOFT, _STIFF), 1):
             of_penalty = [
                 (row, off) for row, off in others if row["penalty"] == penalty
@@ -177,6 +194,20 @@ class FormingRival(Study[Case]):
                 if name := _SHORT.get(row["code"]):
                     found[f"{name}_{i}"] = f"{ratio:.2g}"
         return found
+
+
+def _with_friction(rows: Sequence[Row]) -> dict[str, str]:
+    """Differences of the force and ratios of the times with friction."""
+    of = [(row, off) for row, off in differences(rows) if row.get("friction")]
+    ours = next((row for row, _ in of if row["code"] == OURS), None)
+    found = {}
+    for row, off in of:
+        if ours and row["penalty"] in _SOFT:
+            i = _SOFT.index(row["penalty"]) + 1
+            found[f"rubbing_difference_{i}"] = percent(off, ".2g")
+            found[f"rubbing_time_{i}"] = f"{row['seconds'] / ours['seconds']:.2g}"
+            found[f"rubbing_solves_{i}"] = f"{row['solves']} and {ours['solves']}"
+    return found
 
 
 def _at(row: Row) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..common.tables import markdown_table
 from ..study import Part, Row, Study
+from . import extremes
 from .problems import problems
 
 
@@ -59,7 +60,7 @@ def hemispheres(rows: list[Row]) -> str:
 
 
 class Friction(Study[Any]):
-    """Friction with tools: exact solutions, and a hemisphere."""
+    """Friction with tools: exact forces, a hemisphere, and problems drawn at random."""
 
     parts = (
         Part(
@@ -68,11 +69,33 @@ class Friction(Study[Any]):
         Part(
             "hemispheres.csv", {"hemispheres.md": hemispheres}, cases=("hemisphere*",)
         ),
+        Part(
+            "random.csv",
+            {
+                "outcomes.md": extremes.outcomes,
+                "causes.md": extremes.causes,
+                "deviations.md": extremes.deviations,
+                "more_steps.md": extremes.more_steps,
+            },
+            cases=("judged, *",),
+        ),
     )
     sample = "belt, μ 0.3, 90°, 60 elements"
 
     def cases(self, options: argparse.Namespace) -> Sequence[Any]:
-        return [*problems()]
+        return [*problems(), *extremes.extremes()]
+
+    def line(self, rows: list[Row]) -> str:
+        """Outcome and cause of a problem drawn at random; all entries of others."""
+        (row,) = rows
+        if "outcome" not in row:
+            return super().line(rows)
+        return f"{row['case']}: {row['outcome']} {row['cause']}".rstrip()
+
+    def complaint(self, rows: list[Row]) -> str:
+        """Report wrong states."""
+        wrong = sum(row.get("outcome") == extremes.WRONG for row in rows)
+        return f"{wrong} wrong result(s)" if wrong else ""
 
 
 STUDY = Friction()

@@ -2,29 +2,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse import identity
 
-from skfem_textile.contact import obstacle
 from studies.common.rivals import course
 from studies.common.rivals.forming import Forming
 from studies.forming_rival.of_felupe import OF_FELUPE, Membrane, Penalty
 from studies.forming_rival.ours import ours, ply_of
-from studies.forming_rival.study import CODES, DESCENT, FELUPE, missing
+from studies.forming_rival.study import CODES, DESCENT, FELUPE, SNES, missing
 
 # Half of the depth on a coarse mesh, where each code finds the same branch.
 CASE, STEPS = Forming(parts=6, depth=40.0), 2
-
-
-@pytest.fixture(scope="module", autouse=True)
-def at_nodes():
-    """Contact is judged at the nodes, as by the other codes."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(obstacle, "contact_points", lambda mesh, _: eye(mesh.nvertices))
-        yield
-
-
-def eye(n):
-    return identity(n, format="csr")
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +60,16 @@ def test_penalties_converge_to_the_constraint_of_this_library(of_this_library):
     )
     assert 0 < np.abs(stiff).max() < 1e-4
     np.testing.assert_allclose(stiff / stiffer, 10.0, rtol=0.02)
+
+
+def test_dolfinx_has_the_same_forces_with_friction():
+    """A penalty of 5 N/mm³ is within 0.1 % of the constraint."""
+    case = replace(CASE, depth=20.0, friction=0.2, penalty=5.0)
+    found, with_constraint = code(SNES)(case, 2), ours(case, 2)
+    without = ours(replace(case, friction=0.0), 2)
+    assert found.failure == ""
+    np.testing.assert_allclose(found.forces, with_constraint.forces, rtol=1e-3)
+    assert with_constraint.forces[-1] > 1.02 * without.forces[-1]
 
 
 def test_forces_and_tangent_of_felupe_are_those_of_this_library():

@@ -41,12 +41,15 @@ _SHIFT, _GROWTH = 1e-6, 4.0
 # predicted fall of the energy, and round-off of the energy in N·mm.
 _LONGEST, _HALVINGS, _ARMIJO, _ROUND_OFF = 20.0, 20, 1e-4, 1e-10
 
+# Square in mm² and pressure in N/mm² that keep divisors from zero.
+_TINY = 1e-24
+
 # The twist stiffness relative to the bending stiffness in `Formulation`.
 _TWIST = 0.002
 
 
 class Ply:
-    """Energy, nodal forces and tangent of the ply between its tools."""
+    """Energy without friction, nodal forces and tangent of the ply between tools."""
 
     def __init__(self, case):
         side, parts = case["side"], case["parts"]
@@ -68,6 +71,13 @@ class Ply:
         energy = self._fabric(case, X) + sum(contact) * _NODES
         energy -= self._work_of_edges(case)
         forces = ufl.derivative(energy, self.u, ufl.TestFunction(space))
+        self._rubbing = []
+        if case["friction"]:
+            of_punch = Rubbing(case, self.mesh, punch, self._x, self.travel)
+            of_others = [Rubbing(case, self.mesh, one, self._x) for one in others]
+            self._rubbing = [of_punch, *of_others]
+            rubs = sum(one.force for one in self._rubbing)
+            forces += ufl.dot(rubs, ufl.TestFunction(space)) * _NODES
         tangent = ufl.derivative(forces, self.u, ufl.TrialFunction(space))
         self._energy, self._forces = _FORM(energy), _FORM(forces)
         self._tangent = _FORM(tangent)
@@ -75,7 +85,10 @@ class Ply:
         height = ufl.variable(self.travel)
         phi = punch(self._x, height)
         deeper = ufl.diff(ufl.conditional(ufl.lt(phi, 0), phi**2, 0), height)
-        self._force = _FORM(0.5 * case["penalty"] * deeper * _NODES)
+        force = 0.5 * case["penalty"] * deeper
+        if self._rubbing:
+            force -= self._rubbing[0].force[2]
+        self._force = _FORM(force * _NODES)
         self._bending = bending(self.mesh, self.nodes, side, case["D"])
         self._vector = petsc.create_vector(self._forces)
         self._matrix = petsc.assemble_matrix(self._tangent)
@@ -168,6 +181,17 @@ class Ply:
         self.u.x.array[:] = u
         return fem.assemble_scalar(self._energy) + 0.5 * u @ (self._bending @ u)
 
+    @property
+    def symmetric(self):
+        """False with friction."""
+        return not self._rubbing
+
+    def advance(self, u):
+        """Store places and friction forces of a state."""
+        self.u.x.array[:] = u
+        for one in self._rubbing:
+            one.advance()
+
     def forces(self, u):
         """Derivative of the energy, zero at fixed unknowns."""
         self.u.x.array[:] = u
@@ -194,6 +218,44 @@ class Ply:
         """Force of the punch on the ply at the current travel."""
         self.u.x.array[:] = u
         return fem.assemble_scalar(self._force)
+
+
+class Rubbing:
+    """Friction with a tool as in `skfem_textile`, with the pressure of the penalty.
+
+    The place X₀ and the force s at the last state are functions with values at the
+    nodes.  Bound b and normal n follow the displacement, so that the tangent is not
+    symmetric.
+    """
+
+    def __init__(self, case, domain, tool, x, travel=0.0):
+        space = fem.VectorFunctionSpace(domain, ("Lagrange", 1), dim=3)
+        self._start, self._shear = fem.Function(space), fem.Function(space)
+        slip, at = float(case["slip"]), ufl.variable(x)
+        phi = tool(at)
+        n = ufl.diff(phi, at)
+        b = float(case["friction"] * case["penalty"]) * ufl.max_value(-phi, 0)
+
+        def along(v):
+            return v - n * ufl.dot(n, v)
+
+        def size(v):
+            return ufl.sqrt(ufl.dot(v, v) + _TINY)
+
+        place, s = x - travel * ufl.unit_vector(2, 3), along(self._shear)
+        y = slip * s / ufl.max_value(b + _TINY, size(s)) + along(place - self._start)
+        self.force = b * y / ufl.max_value(slip, size(y))
+        points = space.element.interpolation_points()
+        self._ends = [
+            (self._shear, fem.Expression(self.force, points)),
+            (self._start, fem.Expression(place, points)),
+        ]
+        self._start.interpolate(self._ends[1][1])
+
+    def advance(self):
+        """Store place and force at the displacement, for the next step."""
+        for function, expression in self._ends:
+            function.interpolate(expression)
 
 
 def crossing(a, b):
@@ -245,13 +307,14 @@ def _ones(matrix):
 
 
 class Mumps:
-    """The tangent as a matrix of PETSc, factorised by MUMPS."""
+    """The tangent as a matrix of PETSc, factorised by MUMPS as LDLᵀ or LU."""
 
     def __init__(self, ply):
         self.pattern = ply.pattern.indptr.astype("i4"), ply.pattern.indices.astype("i4")
         csr = *self.pattern, ply.pattern.data
         self.matrix = PETSc.Mat().createAIJ(ply.pattern.shape, csr=csr)
-        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, ply.symmetric)
+        self._factors = "cholesky" if ply.symmetric else "lu"
         options = PETSc.Options()
         # As in `dolfinx_child`; of the orderings, PORD is the fastest here.
         options.setValue("mat_mumps_icntl_12", 1)
@@ -260,7 +323,7 @@ class Mumps:
     def configure(self, ksp):
         """Select MUMPS as a direct solver."""
         ksp.setType("preonly")
-        ksp.getPC().setType("cholesky")
+        ksp.getPC().setType(self._factors)
         ksp.getPC().setFactorSolverType("mumps")
 
     def set(self, entries):
@@ -302,7 +365,8 @@ class Snes:
 class Descent:
     """Newton's method with a definite tangent and a line search on the energy.
 
-    MUMPS counts the negative pivots; the tangent is shifted until there are none.
+    Without friction, whose tangent has no energy.  MUMPS counts the negative
+    pivots; the tangent is shifted until there are none.
     """
 
     def __init__(self, ply):
@@ -353,7 +417,10 @@ def main(source, target):
 
     def search(u, travel):
         ply.travel.value = travel
-        return solve(u)
+        found, solves = solve(u)
+        if found is not None:
+            ply.advance(found)
+        return found, solves
 
     rows, failure = formed(ply.nodes, search, ply.punch_force, case["travels"])
     np.savez(target, rows=rows, failure=failure)

@@ -1,8 +1,8 @@
 """A ply formed by a hemispherical punch through a die, in other codes with penalties.
 
 Every code has the energy of `OnePoint` with a stabilisation stiffness that is given as
-a number.  Tools are rigid and without friction.  The other codes have a penalty against
-them: ½ k Σ A φ² over the nodes inside a tool, with their areas A and depths φ.
+a number.  Tools are rigid.  The other codes have a penalty against them: ½ k Σ A φ²
+over the nodes inside a tool, with their areas A and depths φ.
 """
 
 from dataclasses import asdict, dataclass
@@ -41,6 +41,8 @@ class Forming:
         Traction on the two free edges in N/mm.
     C_s
         Stiffness of the stabilisation in N/mm.
+    friction, slip
+        Coefficient of friction of all tools, and elastic slip in mm.
     """
 
     parts: int = 24
@@ -56,6 +58,8 @@ class Forming:
     D: float = 5.0
     edge_tension: float = 0.2
     C_s: float = 0.8
+    friction: float = 0.0
+    slip: float = 0.02
 
     def travels(self, steps: int) -> ndarray:
         """Travels of the punch in mm at the end of equal steps."""
