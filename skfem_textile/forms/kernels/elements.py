@@ -62,6 +62,9 @@ _GROUPS: WeakKeyDictionary[Any, WeakKeyDictionary] = WeakKeyDictionary()
 Values: TypeAlias = ndarray | None
 
 
+#: Number of each entry of a symmetric d×d matrix among those at and above the diagonal.
+ENTRIES = {2: np.array([[0, 1], [1, 2]]), 3: np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])}
+
 # Entries of a symmetric 3×3 matrix, and which of them are on the diagonal.
 _PAIRS = tuple(combinations_with_replacement(range(3), 2))
 _DIAGONAL = [k for k, (i, j) in enumerate(_PAIRS) if i == j]
@@ -254,12 +257,11 @@ class GeneralPoints:
         self._nodes = nodes = np.arange(len(dN)) if nodes is None else nodes
         self._n_nodes = self.n_modes = n_nodes = n_nodes or len(nodes)
 
-        # pairs of the k nodes, preceded by their index among all pairs of the element
+        # for each of the k nodes, numbers of its pairs with it and the following ones
         number = np.zeros((n_nodes, n_nodes), dtype=int)
         first, second = np.triu_indices(n_nodes)
         number[first, second] = number[second, first] = np.arange(len(first))
-        pairs = np.transpose(np.triu_indices(len(nodes)))
-        self._pairs = [(number[nodes[a], nodes[c]], a, c) for a, c in pairs]
+        self._pairs = [number[x, nodes[a:]] for a, x in enumerate(nodes)]
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
@@ -277,16 +279,17 @@ class GeneralPoints:
     ) -> None:
         """Add Σ b_a b_c k over fibres and points, see `FibreDeformation.stiffness`.
 
-        The coupling of warp and weft is multiplied by b¹_a b²_c + b²_a b¹_c.
+        K has the symmetric blocks of the pairs of modes by their entries at and above
+        the diagonal, shape (n_pairs, d (d + 1)/2, n).  The coupling of warp and weft is
+        multiplied by b¹_a b²_c + b²_a b¹_c.
         """
         b = self.b[..., block]
-        for pair, a, c in self._pairs:
-            add_symmetric(
-                K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], direct)
-            )
+        for a, pairs in enumerate(self._pairs):
+            products = b[:, :, a, None] * b[:, :, a:]
+            K[pairs] += np.einsum("fpcn,fpen->cen", products, direct)
             if across is not None:
-                both = b[0, :, a] * b[1, :, c] + b[1, :, a] * b[0, :, c]
-                add_symmetric(K[pair], np.einsum("pn,pcn->cn", both, across))
+                both = b[0, :, a, None] * b[1, :, a:] + b[1, :, a, None] * b[0, :, a:]
+                K[pairs] += np.einsum("pcn,pen->cen", both, across)
 
     def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
         """Σ b_a v over points for warp and weft, shape (2, n_modes, d, n)."""
@@ -350,15 +353,15 @@ class QuadPoints:
         for diagonal, coupled, fibre, product in zip(
             (0, 3), (2, 4), direct, mixed, strict=True
         ):
-            add_symmetric(K[diagonal], fibre.sum(axis=0))
-            add_symmetric(K[coupled], product.sum(axis=0))
-        add_symmetric(K[5], np.einsum("fpn,fpcn->cn", eta, mixed))
+            K[diagonal] += fibre.sum(axis=0)
+            K[coupled] += product.sum(axis=0)
+        K[5] += np.einsum("fpn,fpcn->cn", eta, mixed)
         if across is not None:  # pair 1 is warp and weft
             by_warp, by_weft = eta[:, :, None] * across
-            add_symmetric(K[1], across.sum(axis=0))
-            add_symmetric(K[2], by_weft.sum(axis=0))
-            add_symmetric(K[4], by_warp.sum(axis=0))
-            add_symmetric(K[5], 2 * np.einsum("pn,pcn->cn", eta[0], by_weft))
+            K[1] += across.sum(axis=0)
+            K[2] += by_weft.sum(axis=0)
+            K[4] += by_warp.sum(axis=0)
+            K[5] += 2 * np.einsum("pn,pcn->cn", eta[0], by_weft)
 
     def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
         """See `GeneralPoints`."""
@@ -377,15 +380,6 @@ class QuadPoints:
 
 #: Integration points of elements.
 IntegrationPoints: TypeAlias = GeneralPoints | QuadPoints
-
-
-def add_symmetric(K: ndarray, stiffness: ndarray) -> None:
-    """Add a symmetric matrix, given by its entries at and above the diagonal."""
-    pairs = combinations_with_replacement(range(len(K)), 2)
-    for (i, j), entry in zip(pairs, stiffness, strict=True):
-        K[i, j] += entry
-        if i != j:
-            K[j, i] += entry
 
 
 def angle_between(z: ndarray) -> ndarray:

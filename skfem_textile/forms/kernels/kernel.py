@@ -19,7 +19,6 @@ a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements)
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import combinations_with_replacement
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
@@ -33,6 +32,7 @@ from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
 from ...mesh.pattern import full_matrices
 from ...mesh.user_input import parameter
 from .elements import (
+    ENTRIES,
     ElementGroup,
     FibreDeformation,
     IntegrationPoints,
@@ -43,6 +43,8 @@ from .elements import (
 # Negative eigenvalues below this share of the trace are round-off, which a Cholesky
 # factorisation of order n amplifies to about n² times 2e-16: 7e-14 for n = 18.
 _ROUND_OFF = 1e-12
+
+_ALL = slice(None)
 
 #: Parameters of a form: numbers, or arrays over elements and points.
 Parameters: TypeAlias = Mapping[str, Any]
@@ -449,24 +451,29 @@ def element_matrices(states: Sequence[KernelState]) -> ndarray:
     group, stresses = states[0].group, _sum_of_stresses(states)
     d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
     rank_one = [s for x in states for s in x.kernel.stiffnesses(x)]
-    pairs = [*combinations_with_replacement(range(group.n_modes), 2)]
+    first, second = np.triu_indices(group.n_modes)
     n_modes = max(points.n_modes for points in stresses)
-    used = [i for i, (_, c) in enumerate(pairs) if c < n_modes]
+    used: Any = np.flatnonzero(second < n_modes) if n_modes < group.n_modes else _ALL
+    a, c = first[used], second[used]
     K = np.empty((n_nodes * (n_nodes + 1) // 2, d, d, group.area.size))
     for block in group.blocks:
-        k = np.zeros((len(pairs), d, d, block.stop - block.start))
+        n = block.stop - block.start
+        symmetric = np.zeros((len(first), d * (d + 1) // 2, n))
         for points, (fibres, stress) in stresses.items():
-            points.add_stiffness(k, *fibres.stiffness(stress.of(block), block), block)
+            parts = fibres.stiffness(stress.of(block), block)
+            points.add_stiffness(symmetric, *parts, block)
+        k = symmetric[used][:, ENTRIES[d]]
         for stiffness, gradients in rank_one:  # Σ s g_a g_cᵀ over points
             g = gradients(block)
-            scaled = stiffness[:, block][:, None, None] * g
-            for pair in used:
-                a, c = pairs[pair]
-                k[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
+            scaled, start = stiffness[:, block][:, None, None] * g, 0
+            for a in range(n_modes):
+                row = np.einsum("pin,pcjn->cijn", scaled[:, a], g[:, a:n_modes])
+                k[start : start + len(row)] += row
+                start += len(row)
         if group.modes is None:
             K[..., block] = k
         else:
-            nodal_blocks(k[used], group.modes[:n_modes, :, block], K[..., block])
+            nodal_blocks(k, group.modes[:n_modes, :, block], K[..., block])
     return K
 
 
