@@ -8,7 +8,7 @@ quadrilaterals into which an element was split.  Elements fold first at their co
 """
 
 from copy import copy
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from typing import Any
 
@@ -305,6 +305,13 @@ class MeanBasis(CellBasis):
 
     parts: ndarray | None = None
 
+    @classmethod
+    def at_points_of(cls, basis: CellBasis) -> "MeanBasis":
+        """The basis of the same functions and points as another one."""
+        means = cls.__new__(cls)
+        vars(means).update(vars(basis))
+        return means
+
     def default_parameters(self) -> dict[str, Any]:
         """Positions, area fractions and, for macro-elements, the quadrilaterals."""
         share = self.dx / self.dx.sum(axis=1, keepdims=True)
@@ -517,12 +524,8 @@ class Corners:
     """
 
     def __init__(self, basis: CellBasis) -> None:
-        scalar: Any = basis.elem
-        scalar, points = scalar.elem, scalar.elem.doflocs.T
-        dN = [scalar.lbasis(points, i)[1] for i in range(len(scalar.doflocs))]
-        tangents = np.array(dN).transpose(2, 1, 0).reshape(-1, len(dN))
-        self._edges, edge_of = np.unique(tangents, axis=0, return_inverse=True)
-        self._pairs = edge_of.reshape(-1, 2)
+        vector: Any = basis.elem
+        self._edges, self._pairs = _edges_at_nodes(type(vector.elem))
         self._d = d = components(basis)
         self._nodes = basis.element_dofs[::d] // d
         self._X = np.ascontiguousarray(node_positions(basis).T)
@@ -575,6 +578,19 @@ class Corners:
         edges = [self._edges @ component[self._nodes] for component in x.T]
         first, second = np.array(edges)[:, self._pairs].transpose(2, 0, 1, 3)
         return cross(first, second)
+
+
+@cache
+def _edges_at_nodes(element: type[Element]) -> tuple[ndarray, ndarray]:
+    """Weights of the nodes in ∂x/∂ξ and ∂x/∂η at the nodes of an element.
+
+    Distinct weights, and the numbers of both at each node.
+    """
+    scalar: Any = element()
+    dN = [scalar.lbasis(scalar.doflocs.T, i)[1] for i in range(len(scalar.doflocs))]
+    tangents = np.array(dN).transpose(2, 1, 0).reshape(-1, len(dN))
+    edges, edge_of = np.unique(tangents, axis=0, return_inverse=True)
+    return edges, edge_of.reshape(-1, 2)
 
 
 def sided(vectors: ndarray, normals: ndarray) -> ndarray:

@@ -63,7 +63,10 @@ Values: TypeAlias = ndarray | None
 
 
 #: Number of each entry of a symmetric d×d matrix among those at and above the diagonal.
-ENTRIES = {2: np.array([[0, 1], [1, 2]]), 3: np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])}
+ENTRIES = {
+    2: np.array([[0, 1], [1, 2]]),
+    3: np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]]),
+}
 
 # Entries of a symmetric 3×3 matrix, and which of them are on the diagonal.
 _PAIRS = tuple(combinations_with_replacement(range(3), 2))
