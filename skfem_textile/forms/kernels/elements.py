@@ -112,6 +112,11 @@ class FibreDeformation:
         """Fibre strain ε of warp and weft, shape (2, P, n)."""
         return 0.5 * np.log(self.squared_stretch)
 
+    @cached_property
+    def stretch(self) -> ndarray:
+        """Stretch λ of warp and weft, shape (2, P, n)."""
+        return np.sqrt(self.squared_stretch)
+
     def change(self, after: "FibreDeformation") -> ndarray:
         """First-order change of strain to another deformation, shape (2, P, n).
 
@@ -175,7 +180,7 @@ class DeformationInSpace(FibreDeformation):
     @cached_property
     def _crossing(self) -> tuple[ndarray, ndarray, ndarray, ndarray]:
         """∂Γ/∂a of warp and weft, (2, P, 3, n), n, (P, 3, n), c and s, (P, n)."""
-        stretch = np.sqrt(self.squared_stretch)[:, :, None]
+        stretch = self.stretch[:, :, None]
         e = self.v * stretch
         normal, c = _cross(*e), (e[0] * e[1]).sum(axis=1)
         s = np.sqrt((normal**2).sum(axis=1))
@@ -241,6 +246,8 @@ class GeneralPoints:
         with equal deformations.
     n_modes
         Number of modes on which the fibres depend, the first of all.
+    angle_at_rest
+        Angle from warp to weft, broadcasts to (P, n).
     """
 
     def __init__(
@@ -264,6 +271,7 @@ class GeneralPoints:
         number = np.zeros((n_nodes, n_nodes), dtype=int)
         first, second = np.triu_indices(n_nodes)
         number[first, second] = number[second, first] = np.arange(len(first))
+        self.angle_at_rest = angle_between(self.A[:, :, :2])
         self._pairs = [number[x, nodes[a:]] for a, x in enumerate(nodes)]
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
@@ -332,6 +340,11 @@ class QuadPoints:
     b: ndarray
 
     @cached_property
+    def angle_at_rest(self) -> ndarray:
+        """See `GeneralPoints`."""
+        return angle_between(self.A[:, :, :2])
+
+    @cached_property
     def n_modes(self) -> int:
         """Without the hourglass mode if all points are at the centre."""
         return 3 if self.b.any() else 2
@@ -385,9 +398,15 @@ class QuadPoints:
 IntegrationPoints: TypeAlias = GeneralPoints | QuadPoints
 
 
-def angle_between(z: ndarray) -> ndarray:
-    """Angle from the first to the second fibre in (−π, π]."""
-    (x1, y1), (x2, y2) = z.transpose(0, 2, 1, 3)
+def angle_between(a: ndarray) -> ndarray:
+    """Angle from the first to the second fibre, of the vectors a, (2, P, d, n).
+
+    In (−π, π], and in space in [0, π].
+    """
+    if a.shape[2] == 3:
+        n = _cross(*a)
+        return np.arctan2(np.sqrt((n**2).sum(axis=1)), (a[0] * a[1]).sum(axis=1))
+    (x1, y1), (x2, y2) = a.transpose(0, 2, 1, 3)
     return np.arctan2(x1 * y2 - y1 * x2, x1 * x2 + y1 * y2)
 
 
@@ -471,10 +490,10 @@ class ElementGroup:
                 if d == 3:
                     square += a[:, :, 2] ** 2
                 v[..., block], squared[..., block] = a / square[:, :, None], square
-                angle[..., block] = angle_between(a) if d == 2 else angle_in_space(a)
+                angle[..., block] = angle_between(a)
         deformations: list[FibreDeformation] = []
         for p, (v, squared, angle) in zip(points, arrays, strict=True):
-            at_rest = angle_between(p.A[:, :, :2])
+            at_rest = p.angle_at_rest
             if d == 2:
                 fibres = FibreDeformation(v, squared, at_rest - angle)
             else:
@@ -572,12 +591,6 @@ def _macro_groups(
         ]
         laws = [fabric.at(basis.parts[elements, j]) for j in numbers]
         yield ElementGroup(own_nodes, None, points, laws, laws[0], elements, numbers)
-
-
-def angle_in_space(a: ndarray) -> ndarray:
-    """Angle between the fibres, (P, n), from both fibre vectors, (2, P, 3, n)."""
-    n = _cross(*a)
-    return np.arctan2(np.sqrt((n**2).sum(axis=1)), (a[0] * a[1]).sum(axis=1))
 
 
 def _cross(a: ndarray, b: ndarray) -> ndarray:
