@@ -63,6 +63,8 @@ class SumOfTerms(FabricOnBasis):
 
     Attributes
     ----------
+    terms
+        Terms of fibres, shear, corners and formulation, and further terms.
     roles
         Role of each term, by name.
     parent
@@ -79,6 +81,7 @@ class SumOfTerms(FabricOnBasis):
         If a term is not valid on the basis, or its name is not unique.
     """
 
+    terms: tuple[Term, ...]
     roles: dict[str, Role]
     parent: ndarray
     fine_points: ndarray
@@ -94,18 +97,14 @@ class SumOfTerms(FabricOnBasis):
         of_means = tension is not None and tension.of_means is not None
         means: Any = tension.basis if tension and of_means else None
         super().__init__(basis, fabric, means)
-        self._terms = terms_on_basis(terms, basis)
-        self.roles = {x.name: x.role for x in self._terms}
+        self.terms = terms_on_basis(terms, basis)
+        self.roles = {x.name: x.role for x in self.terms}
         self._tension: Any = tension
         self._declared = {
-            x.name: x.parameters for x in self._terms if x.parameters is not None
+            x.name: x.parameters for x in self.terms if x.parameters is not None
         }
+        self._d = components(basis)
         self._last = np.empty(0), dict[IntegrationPoints, FibreDeformation]()
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        """Terms of fibres, shear, corners and formulation, and further terms."""
-        return self._terms
 
     @cached_property
     def parameters_at_rest(self) -> PlyParameters:
@@ -198,7 +197,7 @@ class SumOfTerms(FabricOnBasis):
             for term in self._kinds.by_matrix
             for nodes in coupled_nodes(term, self.basis)
         ]
-        d = components(self.basis)
+        d = self._d
         return Pattern(d, self.basis.N // d, elements, couples)
 
     @cached_property
@@ -215,7 +214,7 @@ class SumOfTerms(FabricOnBasis):
         terms: Sequence[Term],
         u: ndarray,
         t: float,
-        parameters: PlyParameters | None,
+        parameters: PlyParameters,
         tension: ndarray | None = None,
     ) -> Iterator[list[KernelState]]:
         """Kernel states of the given terms, for each group of elements.
@@ -233,7 +232,7 @@ class SumOfTerms(FabricOnBasis):
                     continue
                 new = [p for p in points if p not in last[1]]
                 last[1].update(zip(new, group.deformations(u, new), strict=True))
-                w = {"t": t, **self._values(term, parameters)}
+                w = {"t": t, **parameters.get(term.name, NO_VALUES)}
                 if term is self._tension and tension is not None:
                     w["tension"] = tension
                 fibres = [last[1][p] for p in points]
@@ -241,17 +240,26 @@ class SumOfTerms(FabricOnBasis):
             if states:
                 yield states
 
-    def _values(self, term: Term, parameters: PlyParameters | None) -> Values:
-        """Values of a term; by default those at rest."""
-        if parameters is None:
-            parameters = self.parameters_at_rest
-        return parameters.get(term.name, NO_VALUES)
-
     def energies(
-        self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        parameters: PlyParameters | None = None,
+        terms: Sequence[Term] | None = None,
     ) -> dict[str, float]:
-        """Energy of each term in N·mm, by name."""
-        return {x.name: self.energy(u, t, parameters, [x]) for x in self.terms}
+        """Energy of each term in N·mm, by name; see `residual`."""
+        self.refuse_other(u)
+        p = self.parameters_at_rest if parameters is None else parameters
+        energies = {}
+        for term in self.terms if terms is None else terms:
+            values = p.get(term.name, NO_VALUES)
+            if term in self._kinds.by_kernel:
+                groups = self._states([term], u, t, p)
+                energy = sum(x.kernel.energy(x) for group in groups for x in group)
+                energies[term.name] = energy + float(values.get("work", 0.0))
+            else:
+                energies[term.name] = term.energy(u, t, values)
+        return energies
 
     def energy(
         self,
@@ -261,16 +269,7 @@ class SumOfTerms(FabricOnBasis):
         terms: Sequence[Term] | None = None,
     ) -> float:
         """Energy in N·mm, including potentials of loads; see `residual`."""
-        self.refuse_other(u)
-        energy = 0.0
-        for term in self.terms if terms is None else terms:
-            if term in self._kinds.by_kernel:
-                groups = self._states([term], u, t, parameters)
-                energy += sum(x.kernel.energy(x) for group in groups for x in group)
-                energy += float(self._values(term, parameters).get("work", 0.0))
-            else:
-                energy += term.energy(u, t, self._values(term, parameters))
-        return energy
+        return sum(self.energies(u, t, parameters, terms).values(), 0.0)
 
     def residuals(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
@@ -297,32 +296,30 @@ class SumOfTerms(FabricOnBasis):
             Terms to sum; by default all.
         """
         self.refuse_other(u)
-        terms, d = self.terms if terms is None else terms, components(self.basis)
-        f = np.zeros(len(u))
-        for states in self._states(terms, u, t, parameters):
+        p = self.parameters_at_rest if parameters is None else parameters
+        terms, d, f = self.terms if terms is None else terms, self._d, np.zeros(len(u))
+        for states in self._states(terms, u, t, p):
             local, nodes = element_forces(states), states[0].group.nodes.ravel()
             for i in range(d):
                 f[i::d] += np.bincount(nodes, local[:, i].ravel(), len(f) // d)
         for term in terms:
             if term not in self._kinds.by_kernel:
-                f = f + term.residual(u, t, self._values(term, parameters))
+                f = f + term.residual(u, t, p.get(term.name, NO_VALUES))
         return f
 
     def parts(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> list[Contribution]:
         """All terms except loads, with deviations from means listed separately."""
+        p = self.parameters_at_rest if parameters is None else parameters
         parts, deviations = [], []
-        for term in self.terms:
-            if term.role == "load":
-                continue
-            energy = self.energy(u, t, parameters, [term])
-            forces = self.residual(u, t, parameters, [term])
+        terms = [term for term in self.terms if term.role != "load"]
+        for term, energy in zip(terms, self.energies(u, t, p, terms).values()):
+            forces = self.residual(u, t, p, [term])
             if isinstance(term, TensionTerm) and term.of_means is not None:
-                p = self._values(term, parameters)
                 of_term = energy, forces
-                means = {term.name: Values({**p, **term.of_means})}
-                energy = self.energy(u, t, means, [term])
+                means = {term.name: Values({**p[term.name], **term.of_means})}
+                energy = self.energies(u, t, means, [term])[term.name]
                 forces = self.residual(u, t, means, [term])
                 remainder = of_term[0] - energy, of_term[1] - forces
                 deviations.append(Contribution("deviation", *remainder))
@@ -379,10 +376,11 @@ class SumOfTerms(FabricOnBasis):
             ones.
         """
         self.refuse_other(u)
+        p = self.parameters_at_rest if parameters is None else parameters
         matrices: Iterable[ndarray | None] = chain(
-            map(element_matrices, self._states(self.terms, u, t, parameters, tension)),
+            map(element_matrices, self._states(self.terms, u, t, p, tension)),
             (
-                x.matrices(u, t, self._values(x, parameters))
+                x.matrices(u, t, p.get(x.name, NO_VALUES))
                 for x in self._kinds.by_element
             ),
         )
@@ -390,7 +388,7 @@ class SumOfTerms(FabricOnBasis):
             matrices = map(positive_part, matrices)
         blocks = self.pattern.sum(matrices)
         for term in self._kinds.by_matrix:
-            K = term.tangent(u, t, self._values(term, parameters))
+            K = term.tangent(u, t, p.get(term.name, NO_VALUES))
             if K is not None:
                 self.pattern.add(blocks, K, term.name)
         return blocks
@@ -418,8 +416,9 @@ class SumOfTerms(FabricOnBasis):
         if (term := self._tension) is None:
             return np.zeros((2, *self.basis.dx.shape))
         T = np.zeros((2, *term.basis.dx.shape))
+        p = self.parameters_at_rest if parameters is None else parameters
         before, after = (
-            [x for (x,) in self._states([term], at, 1.0, parameters)]
+            [x for (x,) in self._states([term], at, 1.0, p)]
             for at in (u, u + du)
         )
         for x, y in zip(before, after, strict=True):
@@ -463,7 +462,7 @@ class SumOfTerms(FabricOnBasis):
     def nodal(self, u: ndarray) -> ndarray:
         """DOF vector as one column per node of ``nodes``, shape (d, n_nodes)."""
         self.refuse_other(u)
-        return u.reshape(-1, components(self.basis)).T.copy(order="K")
+        return u.reshape(-1, self._d).T.copy(order="K")
 
     def least_area_ratio(self, u: ndarray) -> ndarray:
         """Smallest det F of each element at its nodes and the fine points."""
@@ -483,7 +482,7 @@ class SumOfTerms(FabricOnBasis):
 
         Element numbers; empty in the plane.  Such a crease depends on the mesh.
         """
-        if components(self.basis) == 2:
+        if self._d == 2:
             return np.empty(0, dtype=int)
         one, other = self.mesh.f2t[:, self.mesh.f2t[1] >= 0]
         n = self.corners.normals(u)

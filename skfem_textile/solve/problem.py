@@ -14,6 +14,7 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
 from ..mesh.bases import components, node_positions
+from ..mesh.pattern import with_data
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
@@ -626,10 +627,7 @@ class Tangent:
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
-        upper, coupling = (
-            csr_matrix((np.abs(x.data), x.indices, x.indptr), x.shape)
-            for x in self._matrix
-        )
+        upper, coupling = (with_data(x, np.abs(x.data)) for x in self._matrix)
         free, fixed = (np.ones(n) for n in coupling.shape)
         rows = upper @ free + free @ upper - upper.diagonal() + coupling @ fixed
         return float(ROUNDINGS * EPSILON * size * rows.max(initial=0.0))
