@@ -262,7 +262,7 @@ class FabricOnBasis:
         if basis is None:
             return strain
         stretch = np.exp(basis.from_ply_points(strain))
-        means = mean(basis.default_parameters(), stretch)
+        means = mean({"share": basis.share}, stretch)
         return basis.to_ply_points(np.broadcast_to(np.log(means), stretch.shape))
 
     def fibre_tension(self, u: ndarray, parameters: Any = None) -> ndarray:

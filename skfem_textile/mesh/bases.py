@@ -283,7 +283,8 @@ def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
     ndarray
         Shape (d, 2, n_elements, n_points).
     """
-    gradient, d = 0.0, components(basis)
+    element: Any = basis.elem
+    gradient, d = 0.0, element.dim
     nodal = u[basis.element_dofs].reshape(-1, d, 1, basis.nelems, 1)
     for of_node, (function, *_) in zip(nodal, basis.basis[::d], strict=True):
         gradient = gradient + of_node * np.asarray(function.grad)[0]
@@ -312,10 +313,14 @@ class MeanBasis(CellBasis):
         vars(means).update(vars(basis))
         return means
 
+    @cached_property
+    def share(self) -> ndarray:
+        """Area fraction of each point in its element, shape (n_elements, n_points)."""
+        return self.dx / self.dx.sum(axis=1, keepdims=True)
+
     def default_parameters(self) -> dict[str, Any]:
         """Positions, area fractions and, for macro-elements, the quadrilaterals."""
-        share = self.dx / self.dx.sum(axis=1, keepdims=True)
-        fields = {"x": self.global_coordinates(), "share": share}
+        fields = {"x": self.global_coordinates(), "share": self.share}
         return fields if self.parts is None else fields | {"element": self.parts}
 
     def from_ply_points(self, x: ndarray) -> ndarray:
@@ -525,7 +530,8 @@ class Corners:
 
     def __init__(self, basis: CellBasis) -> None:
         vector: Any = basis.elem
-        self._edges, self._pairs = _edges_at_nodes(type(vector.elem))
+        kind: Any = type(vector.elem)
+        self._edges, self._pairs = _edges_at_nodes(kind)
         self._d = d = components(basis)
         self._nodes = basis.element_dofs[::d] // d
         self._X = np.ascontiguousarray(node_positions(basis).T)

@@ -220,7 +220,7 @@ def matrix_of_slots(
 def with_data(pattern: Any, data: ndarray) -> Any:
     """A sparse matrix with the sparsity pattern of another one, which they share.
 
-    The constructors of SciPy check the indices, which takes longer than a small product.
+    The constructors of SciPy check the indices, which takes longer than a product.
     """
     matrix = copy(pattern)
     matrix.data = data

@@ -63,8 +63,6 @@ class SumOfTerms(FabricOnBasis):
 
     Attributes
     ----------
-    terms
-        Terms of fibres, shear, corners and formulation, and further terms.
     roles
         Role of each term, by name.
     parent
@@ -81,7 +79,6 @@ class SumOfTerms(FabricOnBasis):
         If a term is not valid on the basis, or its name is not unique.
     """
 
-    terms: tuple[Term, ...]
     roles: dict[str, Role]
     parent: ndarray
     fine_points: ndarray
@@ -97,14 +94,19 @@ class SumOfTerms(FabricOnBasis):
         of_means = tension is not None and tension.of_means is not None
         means: Any = tension.basis if tension and of_means else None
         super().__init__(basis, fabric, means)
-        self.terms = terms_on_basis(terms, basis)
-        self.roles = {x.name: x.role for x in self.terms}
+        self._terms = terms_on_basis(terms, basis)
+        self.roles = {x.name: x.role for x in self._terms}
         self._tension: Any = tension
         self._declared = {
-            x.name: x.parameters for x in self.terms if x.parameters is not None
+            x.name: x.parameters for x in self._terms if x.parameters is not None
         }
         self._d = components(basis)
         self._last = np.empty(0), dict[IntegrationPoints, FibreDeformation]()
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Terms of fibres, shear, corners and formulation, and further terms."""
+        return self._terms
 
     @cached_property
     def parameters_at_rest(self) -> PlyParameters:
@@ -202,9 +204,9 @@ class SumOfTerms(FabricOnBasis):
 
     @cached_property
     def _kinds(self) -> _Kinds:
-        form_terms = [x for x in self.terms if isinstance(x, FormTerm)]
+        form_terms = [x for x in self._terms if isinstance(x, FormTerm)]
         by_kernel = [x for x in form_terms if x.kernel is not None]
-        others = [x for x in self.terms if x not in by_kernel]
+        others = [x for x in self._terms if x not in by_kernel]
         by_element = [x for x in others if isinstance(x, ElementTerm)]
         by_matrix = [x for x in others if x not in by_element]
         return _Kinds(shared_groups(by_kernel), by_kernel, by_element, by_matrix)
@@ -251,7 +253,7 @@ class SumOfTerms(FabricOnBasis):
         self.refuse_other(u)
         p = self.parameters_at_rest if parameters is None else parameters
         energies = {}
-        for term in self.terms if terms is None else terms:
+        for term in self._terms if terms is None else terms:
             values = p.get(term.name, NO_VALUES)
             if term in self._kinds.by_kernel:
                 groups = self._states([term], u, t, p)
@@ -275,7 +277,7 @@ class SumOfTerms(FabricOnBasis):
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> dict[str, ndarray]:
         """Nodal forces of each term in N, by name."""
-        return {x.name: self.residual(u, t, parameters, [x]) for x in self.terms}
+        return {x.name: self.residual(u, t, parameters, [x]) for x in self._terms}
 
     def residual(
         self,
@@ -297,7 +299,7 @@ class SumOfTerms(FabricOnBasis):
         """
         self.refuse_other(u)
         p = self.parameters_at_rest if parameters is None else parameters
-        terms, d, f = self.terms if terms is None else terms, self._d, np.zeros(len(u))
+        terms, d, f = self._terms if terms is None else terms, self._d, np.zeros(len(u))
         for states in self._states(terms, u, t, p):
             local, nodes = element_forces(states), states[0].group.nodes.ravel()
             for i in range(d):
@@ -313,8 +315,10 @@ class SumOfTerms(FabricOnBasis):
         """All terms except loads, with deviations from means listed separately."""
         p = self.parameters_at_rest if parameters is None else parameters
         parts, deviations = [], []
-        terms = [term for term in self.terms if term.role != "load"]
-        for term, energy in zip(terms, self.energies(u, t, p, terms).values()):
+        terms = [term for term in self._terms if term.role != "load"]
+        energies = self.energies(u, t, p, terms)
+        for term in terms:
+            energy = energies[term.name]
             forces = self.residual(u, t, p, [term])
             if isinstance(term, TensionTerm) and term.of_means is not None:
                 of_term = energy, forces
@@ -330,7 +334,7 @@ class SumOfTerms(FabricOnBasis):
         self, u: ndarray, t: float, parameters: PlyParameters | None = None
     ) -> ndarray:
         """Nodal forces of the loads in N."""
-        loads = [term for term in self.terms if term.role == "load"]
+        loads = [term for term in self._terms if term.role == "load"]
         return -self.residual(u, t, parameters, loads)
 
     def tangent(
@@ -378,7 +382,7 @@ class SumOfTerms(FabricOnBasis):
         self.refuse_other(u)
         p = self.parameters_at_rest if parameters is None else parameters
         matrices: Iterable[ndarray | None] = chain(
-            map(element_matrices, self._states(self.terms, u, t, p, tension)),
+            map(element_matrices, self._states(self._terms, u, t, p, tension)),
             (
                 x.matrices(u, t, p.get(x.name, NO_VALUES))
                 for x in self._kinds.by_element
@@ -418,8 +422,7 @@ class SumOfTerms(FabricOnBasis):
         T = np.zeros((2, *term.basis.dx.shape))
         p = self.parameters_at_rest if parameters is None else parameters
         before, after = (
-            [x for (x,) in self._states([term], at, 1.0, p)]
-            for at in (u, u + du)
+            [x for (x,) in self._states([term], at, 1.0, p)] for at in (u, u + du)
         )
         for x, y in zip(before, after, strict=True):
             at_points = term.kernel.predicted_tension(x, y)
@@ -513,7 +516,7 @@ class SumOfTerms(FabricOnBasis):
 
     def closest_end(self, u: ndarray, t: float = 1.0) -> LawEnd | None:
         """The closest domain end of a law; None if all domains are unbounded."""
-        bending = (x for x in self.terms if isinstance(x, BendingTerm))
+        bending = (x for x in self._terms if isinstance(x, BendingTerm))
         curvatures = [end for term in bending for end in term.ends(u, t)]
         state = self.law_strain(u), self.shear_angle(u)
         return self._at_elements.closest_end(*state, curvatures)

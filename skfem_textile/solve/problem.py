@@ -427,7 +427,8 @@ class Problem:
 class Tangent:
     """Factorised tangent of a problem on the free unknowns.
 
-    ``projected`` is True if an indefinite tangent was projected.
+    ``definite`` is True if it is positive definite on the free unknowns, ``projected``
+    if an indefinite tangent was projected.
 
     Parameters
     ----------
@@ -455,6 +456,7 @@ class Tangent:
             self._factors = clock.time("solve", factorise, self._matrix.upper.data)
         except SingularMatrixError:
             raise problem.singular() from None
+        self.definite: bool = self._factors.definite
 
     @classmethod
     def at(
@@ -491,11 +493,6 @@ class Tangent:
         if problem.contacts:
             blocks = _between_tools(problem, u, parameters, blocks)
         return cls(problem, u, blocks)
-
-    @property
-    def definite(self) -> bool:
-        """True if the tangent is positive definite on the free unknowns."""
-        return self._factors.definite
 
     @cached_property
     def negative_pivots(self) -> int | None:

@@ -182,7 +182,8 @@ class DeformationInSpace(FibreDeformation):
         """∂Γ/∂a of warp and weft, (2, P, 3, n), n, (P, 3, n), c and s, (P, n)."""
         stretch = self.stretch[:, :, None]
         e = self.v * stretch
-        normal, c = _cross(*e), (e[0] * e[1]).sum(axis=1)
+        normal = cross(*e.transpose(0, 2, 1, 3)).swapaxes(0, 1)
+        c = (e[0] * e[1]).sum(axis=1)
         s = np.sqrt((normal**2).sum(axis=1))
         g = (e[::-1] - c[:, None] * e) / (s[:, None] * stretch)
         return self.side[:, None] * g, normal / s[:, None], c, s
@@ -404,7 +405,7 @@ def angle_between(a: ndarray) -> ndarray:
     In (−π, π], and in space in [0, π].
     """
     if a.shape[2] == 3:
-        n = _cross(*a)
+        n = cross(*a.transpose(0, 2, 1, 3)).swapaxes(0, 1)
         return np.arctan2(np.sqrt((n**2).sum(axis=1)), (a[0] * a[1]).sum(axis=1))
     (x1, y1), (x2, y2) = a.transpose(0, 2, 1, 3)
     return np.arctan2(x1 * y2 - y1 * x2, x1 * x2 + y1 * y2)
@@ -591,11 +592,6 @@ def _macro_groups(
         ]
         laws = [fabric.at(basis.parts[elements, j]) for j in numbers]
         yield ElementGroup(own_nodes, None, points, laws, laws[0], elements, numbers)
-
-
-def _cross(a: ndarray, b: ndarray) -> ndarray:
-    """Cross product a × b of components on the second axis."""
-    return cross(a.swapaxes(0, 1), b.swapaxes(0, 1)).swapaxes(0, 1)
 
 
 def _add_square(total: ndarray, factor: ndarray | float, x: ndarray) -> None:

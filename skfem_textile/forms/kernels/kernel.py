@@ -17,6 +17,7 @@ a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements)
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar, NamedTuple, TypeAlias
@@ -429,10 +430,12 @@ def element_forces(states: Sequence[KernelState]) -> ndarray:
     """Sum of the nodal forces of kernels on a group, shape (n_nodes, d, n)."""
     group, stresses = states[0].group, _sum_of_stresses(states)
     f = np.empty((len(group.nodes), states[0].fibres[0].v.shape[2], group.area.size))
+    whole = len(group.blocks) == 1
     for block in group.blocks:
         modal = np.zeros((group.n_modes, f.shape[1], block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
-            modal += points.forces(fibres.forces(stress.of(block), block), block)
+            of_block = stress if whole else stress.of(block)
+            modal += points.forces(fibres.forces(of_block, block), block)
         if group.modes is not None:
             modal = np.einsum("ran,rin->ain", group.modes[..., block], modal)
         f[..., block] = modal
@@ -451,11 +454,13 @@ def element_matrices(states: Sequence[KernelState]) -> ndarray:
     n_modes = max(points.n_modes for points in stresses)
     used: Any = np.flatnonzero(second < n_modes) if n_modes < group.n_modes else _ALL
     K = np.empty((n_nodes * (n_nodes + 1) // 2, d, d, group.area.size))
+    whole = len(group.blocks) == 1
     for block in group.blocks:
         n = block.stop - block.start
         symmetric = np.zeros((len(first), d * (d + 1) // 2, n))
         for points, (fibres, stress) in stresses.items():
-            parts = fibres.stiffness(stress.of(block), block)
+            of_block = stress if whole else stress.of(block)
+            parts = fibres.stiffness(of_block, block)
             points.add_stiffness(symmetric, *parts, block)
         k = symmetric[used][:, ENTRIES[d]]
         for stiffness, gradients in rank_one:  # Σ s g_a g_cᵀ over points
@@ -512,7 +517,11 @@ def positive_part(K: ndarray | None) -> ndarray | None:
     if K is None or not np.isfinite(K).all():
         return K
     full = full_matrices(K).transpose(2, 0, 1).copy()
-    if _semidefinite(full):
+    trace = np.trace(full, axis1=1, axis2=2)
+    with suppress(np.linalg.LinAlgError):  # in a tenth of the time of eigenvalues
+        np.linalg.cholesky(
+            full + _ROUND_OFF * trace[:, None, None] * np.eye(full.shape[1])
+        )
         return K
     eigenvalues, vectors = np.linalg.eigh(full)
     indefinite = eigenvalues[:, 0] < 0
@@ -522,20 +531,6 @@ def positive_part(K: ndarray | None) -> ndarray | None:
     first, second = np.triu_indices(n_nodes)
     blocks = full.reshape(-1, n_nodes, d, n_nodes, d)
     return blocks[:, first, :, second].transpose(0, 2, 3, 1)
-
-
-def _semidefinite(full: ndarray) -> bool:
-    """True if all matrices have a Cholesky factorisation, up to round-off.
-
-    It takes a tenth of the time of their eigenvalues.
-    """
-    n = full.shape[1]
-    trace = np.trace(full, axis1=1, axis2=2)
-    try:
-        np.linalg.cholesky(full + _ROUND_OFF * trace[:, None, None] * np.eye(n))
-    except np.linalg.LinAlgError:
-        return False
-    return True
 
 
 def node_pair_blocks(K: ndarray, nodes: ndarray, d: int) -> ndarray:
