@@ -40,6 +40,7 @@ def test_a_strip_buckles_at_pi_squared_with_the_first_order_postbuckling_load():
     assert shape.height == pytest.approx(2 / np.pi * 1e-2, rel=1e-3)
 
 
+@pytest.mark.dear("solves boundary value problems for its interval")
 def test_a_reading_of_an_elastica_gives_its_stiffness():
     lengths, weight, stiffness = np.array([200.0, 210.0]), 6e-6, 5.0
     angles = [hanging(weight * L**3 / stiffness).chord_angle for L in lengths]
@@ -138,6 +139,7 @@ def test_readings_of_one_angle_give_a_stiffness_without_a_comparison():
     assert fit.fabric(Fabric()).bending[0] == pytest.approx(test.by_elastica.mean())
 
 
+@pytest.mark.dear("solves a boundary value problem for each strip")
 def test_an_apparent_stiffness_is_that_of_a_linear_law():
     test = cantilevers(Linear(100.0))
     np.testing.assert_allclose(test.apparent(Polynomial((100.0,))), 100.0, rtol=1e-4)

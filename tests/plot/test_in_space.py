@@ -43,6 +43,7 @@ def test_a_gltf_file_contains_its_data_and_colours_without_a_tint(draped, tmp_pa
     assert len(content["meshes"]) == 2
 
 
+@pytest.mark.dear("a window of pyvista is opened")
 def test_a_view_without_trame_is_a_picture(result, monkeypatch):
     """As in Jupyter, off screen."""
     monkeypatch.setattr(pv, "OFF_SCREEN", True)

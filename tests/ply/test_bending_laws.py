@@ -159,7 +159,7 @@ def test_a_run_beyond_a_table_is_refused_and_names_the_curvature():
         fibre_ends={"left": "clamped"},
     )
     with pytest.raises(StepError, match=r"warp curvature is .* ends at 0\.001 1/mm"):
-        LoadStepper(ply, {"left": Condition("left")}, 2).run()
+        LoadStepper(ply, {"left": Condition("left")}, 10, max_halvings=0).run()
 
 
 @pytest.mark.parametrize(
