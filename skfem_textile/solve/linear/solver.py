@@ -295,7 +295,10 @@ class ScaledFactors:
     Pivots restricted to blocks of columns may amplify round-off without being small, so
     that solutions of an indefinite system are checked.  If one is wrong, or the solver
     factorises definite matrices only, the next of `ChosenSolver.names` takes over.
+    ``definite`` is True if A is positive definite.
     """
+
+    definite: bool
 
     def __init__(self, solver: "ChosenSolver", scaled: Scaled) -> None:
         self._solver, self._scaled, self._names = solver, scaled, solver.names()
@@ -306,12 +309,6 @@ class ScaledFactors:
     def factorisations(self) -> int:
         """Number of factorisations so far."""
         return sum(factors.factorisations for factors in self._all)
-
-    @property
-    def definite(self) -> bool:
-        """True if A is positive definite."""
-        with self._solver.lock:
-            return self._all[-1].definite
 
     @property
     def negative_pivots(self) -> int | None:
@@ -348,7 +345,7 @@ class ScaledFactors:
     def _by_next_solver(self) -> Factors:
         name = next(self._names)  # the last one is always certain
         factors = self._solver.analysed(name).factorise(self._scaled.data)
-        self._entry = SOLVERS[name]
+        self._entry, self.definite = SOLVERS[name], factors.definite
         self._all.append(factors)
         return factors
 
