@@ -395,9 +395,10 @@ class TwoLaws(BiaxialLaw):
         return low, high
 
     def _each(self, part: str, strain: ndarray) -> list[ndarray]:
+        pairs = zip((self.warp, self.weft), strain, strict=True)
+        each = [(getattr(law, part)(x), np.shape(x)) for law, x in pairs]
         return [
-            np.broadcast_to(getattr(law, part)(x), np.shape(x))
-            for law, x in zip((self.warp, self.weft), strain, strict=True)
+            x if np.shape(x) == shape else np.broadcast_to(x, shape) for x, shape in each
         ]
 
 

@@ -277,7 +277,7 @@ class GeneralPoints:
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
-        A = np.broadcast_to(self.A, (*self.A.shape[:3], self.b.shape[-1]))[..., block]
+        A = self.A if self.A.shape[-1] == 1 else self.A[..., block]
         return A + np.einsum("fpan,ain->fpin", self.b[..., block], u[self._nodes])
 
     def forces(self, forces: ndarray, block: slice) -> ndarray:
@@ -352,8 +352,8 @@ class QuadPoints:
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """See `GeneralPoints`."""
-        A = np.broadcast_to(self.A, (*self.A.shape[:3], self.b.shape[-1]))
-        return A[..., block] + u[:2, None] + self.b[..., block][:, :, None] * u[2]
+        A = self.A if self.A.shape[-1] == 1 else self.A[..., block]
+        return A + u[:2, None] + self.b[..., block][:, :, None] * u[2]
 
     def forces(self, forces: ndarray, block: slice) -> ndarray:
         """See `GeneralPoints`."""

@@ -450,14 +450,16 @@ def element_matrices(states: Sequence[KernelState]) -> ndarray:
     group, stresses = states[0].group, _sum_of_stresses(states)
     d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
     rank_one = [s for x in states for s in x.kernel.stiffnesses(x)]
-    first, second = np.triu_indices(group.n_modes)
     n_modes = max(points.n_modes for points in stresses)
-    used: Any = np.flatnonzero(second < n_modes) if n_modes < group.n_modes else _ALL
+    used: Any = _ALL
+    if n_modes < group.n_modes:
+        used = np.flatnonzero(np.triu_indices(group.n_modes)[1] < n_modes)
     K = np.empty((n_nodes * (n_nodes + 1) // 2, d, d, group.area.size))
     whole = len(group.blocks) == 1
     for block in group.blocks:
         n = block.stop - block.start
-        symmetric = np.zeros((len(first), d * (d + 1) // 2, n))
+        n_pairs = group.n_modes * (group.n_modes + 1) // 2
+        symmetric = np.zeros((n_pairs, d * (d + 1) // 2, n))
         for points, (fibres, stress) in stresses.items():
             of_block = stress if whole else stress.of(block)
             parts = fibres.stiffness(of_block, block)

@@ -79,6 +79,9 @@ class Rslab(LatestFactors):
             raise RuntimeError(FORKED)
 
 
+_cores = cache(os.cpu_count)  # which reads files at each call
+
+
 def _threads() -> int | None:
     """Number of threads; None if it is not given as a positive whole number."""
     if number := solver_threads.get():
@@ -86,7 +89,7 @@ def _threads() -> int | None:
     # The first number of a list applies to the outermost level of OpenMP.
     text = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
     number = int(text) if text.isdecimal() else 0
-    return min(number, os.cpu_count() or 1) or None
+    return min(number, _cores() or 1) or None
 
 
 def _on_lasting_thread(call: Callable, *args: Any, **options: Any) -> Any:
