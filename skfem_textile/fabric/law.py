@@ -398,7 +398,8 @@ class TwoLaws(BiaxialLaw):
         pairs = zip((self.warp, self.weft), strain, strict=True)
         each = [(getattr(law, part)(x), np.shape(x)) for law, x in pairs]
         return [
-            x if np.shape(x) == shape else np.broadcast_to(x, shape) for x, shape in each
+            x if np.shape(x) == shape else np.broadcast_to(x, shape)
+            for x, shape in each
         ]
 
 

@@ -626,7 +626,8 @@ class Tangent:
             size += np.abs(problem.nodes).max()
         upper, coupling = (with_data(x, np.abs(x.data)) for x in self._matrix)
         free, fixed = (np.ones(n) for n in coupling.shape)
-        rows = upper @ free + free @ upper - upper.diagonal() + coupling @ fixed
+        columns = np.bincount(upper.indices, upper.data, len(free))
+        rows = upper @ free + columns - upper.diagonal() + coupling @ fixed
         return float(ROUNDINGS * EPSILON * size * rows.max(initial=0.0))
 
 
