@@ -81,8 +81,6 @@ class Trial(Equilibrium):
         The problem.
     start
         Last accepted state; None for a state before loading.
-    move
-        Displacement in the step, shape (n_unknowns,); zero without a ``start``.
     energies, potentials
         Energy of the equilibrium in N·mm by term, and potentials of the loads.
     warnings
@@ -93,7 +91,6 @@ class Trial(Equilibrium):
 
     problem: Problem
     start: Evaluation | None
-    move: ndarray
     energies: dict[str, float]
     potentials: dict[str, float]
     warnings: dict[str, str] = field(default_factory=dict)
@@ -112,10 +109,14 @@ class Trial(Equilibrium):
             **vars(equilibrium),
             problem=problem,
             start=start,
-            move=u - start.u if start else np.zeros_like(u),
             energies=energies,
             potentials=potentials,
         )
+
+    @cached_property
+    def move(self) -> ndarray:
+        """Displacement in the step, shape (n_unknowns,); zero without a ``start``."""
+        return self.u - self.start.u if self.start else np.zeros_like(self.u)
 
     @property
     def waits_for_tools(self) -> bool:

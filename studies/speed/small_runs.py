@@ -4,7 +4,6 @@ Functions of `PARTS` are replaced by ones that measure: the time of a part exclu
 of the parts that it calls.
 """
 
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import cached_property, wraps
@@ -117,12 +116,12 @@ class _Clock:
     """Processor time in s of the parts of each run."""
 
     def __init__(self) -> None:
-        self.runs: list[Counter[str]] = []
+        self.runs: list[dict[str, float]] = []
         self._part, self._since = "rest", 0.0
 
     def run(self, function: Callable[[], object]) -> None:
         """Measure a run."""
-        self.runs.append(Counter())
+        self.runs.append(dict.fromkeys(PARTS, 0.0))
         self._since = process_time()
         function()
         self._enter("rest")
