@@ -1,7 +1,7 @@
 """Processor time of small runs by part of the program.
 
-Functions of `PARTS` are replaced by ones that measure: the time of a part excludes that
-of the parts that it calls.
+Functions of `PARTS` are replaced by ones that measure; the time of a part excludes the
+parts that it calls.
 """
 
 from collections.abc import Callable, Iterator

@@ -70,7 +70,7 @@ class Kernel:
 
     fabric: Fabric
     basis_type: ClassVar[type[CellBasis]] = CellBasis
-    #: Name of the law that the kernel evaluates, among those of a fabric.
+    #: Attribute of a fabric with the law that the kernel evaluates.
     law: ClassVar[str] = "tensions"
 
     @cached_property
