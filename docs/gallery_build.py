@@ -46,7 +46,7 @@ _SCRIPTS = {
         "own_tool",
         "forming",
     ),
-    "runs": ("sweep", "to_a_tolerance"),
+    "runs": ("compare_processes", "sweep", "to_a_tolerance"),
 }
 
 

@@ -46,6 +46,7 @@ from .mesh.bases import (
 from .mesh.checks import MeshError as MeshError
 from .mesh.splitting import split as split
 from .ply import Ply as Ply
+from .ply.clamps import Clamp as Clamp
 from .ply.formulations import (
     Full as Full,
     Macro as Macro,

@@ -16,3 +16,7 @@ from .read import (
     read_tables as read_tables,
 )
 from .scenes import SCENES as SCENES
+from .sweep import (
+    CaseSweep as CaseSweep,
+    sweep_case as sweep_case,
+)

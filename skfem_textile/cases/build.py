@@ -38,7 +38,7 @@ from .read import (
     CaseFileError,
     declared,
     default_laws,
-    name_of_tool,
+    numbered,
     read_tables,
     with_files,
 )
@@ -50,6 +50,9 @@ from .schema import (
     Mesh,
     Shear,
     Tension,
+)
+from .schema import (
+    Clamp as ClampTable,
 )
 from .tools import ToolTable
 
@@ -188,6 +191,11 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     """
     with_files(file, _refuse_missing)
     _refuse_contradictions(file)
+    if file.vary:
+        log.warning(
+            "the table [vary] is for sweeps (`skfem-textile sweep`): this case has the "
+            "values of its other tables"
+        )
     assumed: list[str] = []
     if file.fabric.file is None:
         laws = _fabric(file.tension, file.shear, file.bending)
@@ -209,12 +217,13 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     if scene.rotation:
         loads = tuple(load.turned(scene.turn) for load in loads)
     fit = _fitted(scene, fabric, loads, file.mesh.as_is)
+    clamps = _clamps(scene, file.clamps)
     if isinstance(fabric := fit.fabric, Mapping):
         fabric = fabric_of_regions(fit.mesh, fabric)
     case = Case(
         scene=replace(scene, mesh=fit.mesh),
         fabric=fabric,
-        loads=loads,
+        loads=(*loads, *clamps),
         formulation=file.formulation.construct() or fit.formulation,
         steps=file.stepping.steps * file.stepping.parts,
         method=file.stepping.method,
@@ -308,6 +317,24 @@ def _loads(of: Loads, factor: Factor = proportional) -> tuple[Any, ...]:
     return *forces, BodyForce(weight, factor=1.0, name="weight")
 
 
+def _clamps(scene: "Scene", tables: Sequence[ClampTable]) -> tuple[Any, ...]:
+    """Clamps of the case, in the axes of the ply."""
+    clamps: list[Any] = []
+    for number, table in enumerate(tables, 1):
+        given = table.values()
+        given["name"] = name = given["name"] or numbered("clamps", number)
+        if name in [clamp.name for clamp in clamps]:
+            raise ValueError(
+                f"two clamps have the name {printable(name)!r}: rename one of them"
+            )
+        if given["within"] is not None:
+            given["within"] = given["within"] - np.tile(scene.axes.origin[:2], 2)
+        clamps.append(table.construct(**given))
+    if scene.rotation:
+        clamps = [clamp.turned(scene.turn) for clamp in clamps]
+    return tuple(clamps)
+
+
 def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     """The scene on its mesh, rotated.
 
@@ -342,7 +369,7 @@ def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> 
             "the scene forming"
         )
     tools = [
-        tool.build(name_of_tool(number), scene.axes)
+        tool.build(numbered("tools", number), scene.axes)
         for number, tool in enumerate(tables, 1)
     ]
     all_tools = *scene.tools, *tools

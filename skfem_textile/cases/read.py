@@ -5,7 +5,7 @@ import math
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from types import NoneType, UnionType
@@ -23,6 +23,7 @@ from .schema import (
     AnyFormulation,
     Bending,
     BendingOfFamily,
+    Clamp,
     FabricOfFile,
     InCompression,
     Loads,
@@ -37,6 +38,7 @@ from .schema import (
 from .tables import (
     FILE,
     Table,
+    about,
     named,
     tag_of,
 )
@@ -79,7 +81,12 @@ class CaseFile(Table):
     stepping: Stepping
     output: Output
     tools: tuple[AnyTool, ...]
+    clamps: tuple[Clamp, ...]
     regions: dict[str, Region]
+    vary: Annotated[
+        dict[str, tuple[Any, ...]],
+        about("values of any key, such as scene.fibres_deg = [0, 45], for a sweep"),
+    ]
 
 
 class CaseFileError(ValueError):
@@ -143,20 +150,25 @@ def declared(
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
             raise ValueError(f"regions must be a table, not {_quoted(regions)}")
-        tools = tables.get("tools", [])
-        if not isinstance(tools, list | tuple):
-            raise ValueError(
-                f"tools must be an array of tables, [[tools]], not {_quoted(tools)}"
-            )
-        case = converted(
-            "", {**_with_defaults(tables, scene), "tools": (), "regions": {}}, CaseFile
-        )
+        arrays = {name: tables.get(name, []) for name in ARRAYS}
+        for name, array in arrays.items():
+            if not isinstance(array, list | tuple):
+                raise ValueError(
+                    f"{name} must be an array of tables, [[{name}]], not "
+                    f"{_quoted(array)}"
+                )
+        none: dict[str, Any] = {**dict.fromkeys(ARRAYS, ()), "regions": {}, "vary": {}}
+        case = converted("", {**_with_defaults(tables, scene), **none}, CaseFile)
         case = msgspec.structs.replace(
             case,
-            tools=tuple(
-                converted(name_of_tool(number), tool, AnyTool)
-                for number, tool in enumerate(tools, 1)
-            ),
+            vary=varied(tables.get("vary", {})),
+            **{
+                name: tuple(
+                    converted(numbered(name, number), table, ARRAYS[name])
+                    for number, table in enumerate(array, 1)
+                )
+                for name, array in arrays.items()
+            },
             regions={
                 name: converted(
                     f"regions.{printable(name)}",
@@ -204,10 +216,10 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
         path = f"{where}.{name}" if where and name != "law" else where or name
         if isinstance(value, Struct):
             changed[name] = with_files(value, path_of, path)
-        elif name == "tools":
+        elif name in ARRAYS:
             changed[name] = tuple(
-                with_files(tool, path_of, name_of_tool(number))
-                for number, tool in enumerate(value, 1)
+                with_files(one, path_of, numbered(name, number))
+                for number, one in enumerate(value, 1)
             )
         elif name == "regions":
             changed[name] = {
@@ -225,9 +237,92 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
     return msgspec.structs.replace(table, **changed)
 
 
-def name_of_tool(number: int) -> str:
-    """Name in messages of a table of ``[[tools]]``, numbered from 1."""
-    return f"tool_{number}"
+def varied(table: Any, where: str = "vary") -> dict[str, tuple[Any, ...]]:
+    """Values by the path of their key, of a table that may contain tables.
+
+    Raises
+    ------
+    ValueError
+        If they are not arrays of at least two different values.
+    """
+    if not isinstance(table, Mapping):
+        raise ValueError(
+            f"{where} must be an array of at least two different values, not "
+            f"{_quoted(table)}"
+        )
+    values: dict[str, tuple[Any, ...]] = {}
+    for key, of_key in table.items():
+        path = f"{where}.{printable(key)}"
+        if isinstance(of_key, list | tuple):
+            if len({repr(value) for value in of_key}) < max(len(of_key), 2):
+                raise ValueError(
+                    f"{path} must be an array of at least two different values"
+                )
+            values[path.removeprefix("vary.")] = tuple(of_key)
+        else:
+            values |= varied(of_key, path)
+    return values
+
+
+def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """Tables of a case with another value of a key.
+
+    Parameters
+    ----------
+    tables
+        The tables, which remain as they are.
+    path
+        Table and key, such as ``stepping.steps``.  A table of an array, such as
+        ``[[tools]]``, is selected by its name, or its number from 1; ``*`` selects all.
+    value
+        The value.
+
+    Raises
+    ------
+    ValueError
+        If the path leads through a value, or there is no such table of an array.
+    """
+    first, _, rest = path.partition(".")
+    if not rest:
+        return {**tables, first: value}
+    inner = tables.get(first, () if first in ARRAYS else {})
+    if isinstance(inner, Mapping):
+        return {**tables, first: with_value(inner, rest, value)}
+    if not (
+        isinstance(inner, list | tuple) and all(isinstance(x, dict) for x in inner)
+    ):
+        raise ValueError(f"{printable(first)} is a value, not a table")
+    name, _, key = rest.partition(".")
+    names = [str(one.get("name", i)) for i, one in enumerate(inner, 1)]
+    at = index_of(inner, name)
+    every = name == "*" and inner
+    if (at is None and not every) or not key:
+        known = ", ".join(map(printable, names))
+        raise ValueError(
+            f"there is no table {printable(name)!r} in [[{first}]], "
+            + (f"but {known}: write {first}.NAME.KEY" if known else "which is empty")
+        )
+    changed = [
+        with_value(one, key, value) if every or i == at else one
+        for i, one in enumerate(inner)
+    ]
+    return {**tables, first: changed}
+
+
+def index_of(tables: Sequence[Mapping[str, Any]], name: str) -> int | None:
+    """Index of a table of an array by its name, or number from 1; None if missing."""
+    names = [str(one.get("name")) for one in tables]
+    names += map(str, range(1, len(tables) + 1))
+    return names.index(name) % len(tables) if name in names else None
+
+
+#: Kinds of the tables in arrays of tables, by the name of the array.
+ARRAYS: dict[str, Any] = {"tools": AnyTool, "clamps": Clamp}
+
+
+def numbered(array: str, number: int) -> str:
+    """Name in messages of a table of an array, such as ``tool_1`` of ``[[tools]]``."""
+    return f"{array.removesuffix('s')}_{number}"
 
 
 def _refuse_values(where: str, value: Any) -> None:

@@ -467,6 +467,12 @@ class Loads(Table):
     ] = None
 
 
+if TYPE_CHECKING:
+    Clamp: TypeAlias = DeclaredTable
+else:
+    Clamp = table_of(declared.Clamp, tag=False)
+
+
 Check: TypeAlias = Literal[
     "folding",
     "crease",

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
+from msgspec import Meta
+
 from .. import declarations as declared
 from .tables import (
     FILE,
@@ -93,12 +95,9 @@ class ToolTable(DeclaredTable, tag_field="surface"):
     friction: Annotated[
         Amount, about(f"coefficient of Coulomb friction with the ply; or {_ROWS}")
     ] = 0.0
-    elastic_slip_mm: Annotated[float, about("slip up to which friction is elastic")] = (
-        0.02
-    )
-    exact_stick: Annotated[
-        bool, about("true: the ply does not slip before it slides")
-    ] = False
+    elastic_slip_mm: Annotated[
+        float, Meta(gt=0), about("slip up to which friction is elastic")
+    ] = 0.02
     gap_mm: Annotated[
         Amount | None,
         about(
@@ -155,7 +154,6 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             "outline": outline,
             "friction": _amount(f"{what}.friction", self.friction),
             "elastic_slip": self.elastic_slip_mm,
-            "exact_stick": self.exact_stick,
             "name": self.name or what,
             "stated": axes.of_tool,
         }

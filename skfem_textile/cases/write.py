@@ -20,11 +20,10 @@ from zlib import crc32
 from msgspec import NODEFAULT, Meta, Struct, structs
 
 from .. import __version__
-from .read import CaseFile, with_files
+from .read import ARRAYS, CaseFile, with_files
 from .scenes import SCENES
 from .schema import Output, Region
 from .tables import FILE, named, summary_of
-from .tools import AnyTool
 
 #: First line of a case file that a run has written.
 WRITTEN = "# The case of this folder, with every default, written by skfem-textile."
@@ -74,9 +73,12 @@ def tables_of(table: Struct) -> dict[str, Any]:
     for name, value, _ in _keys(table):
         if isinstance(value, Struct):
             tables[name] = tables_of(value)
-        elif name == "tools":
+        elif name in ARRAYS:
             if value:
-                tables[name] = [tables_of(tool) for tool in value]
+                tables[name] = [tables_of(one) for one in value]
+        elif name == "vary":
+            if value:
+                tables[name] = value
         elif name == "regions":
             tables[name] = {region: tables_of(part) for region, part in value.items()}
         elif value is not None:
@@ -98,11 +100,15 @@ def case_text(case: CaseFile, head: str) -> str:
     for name, value, _ in _keys(case):
         if name in ("tension", "shear", "bending") and case.fabric.file is not None:
             continue  # the file of the fabric contains all laws
-        if name == "tools":
-            parts += [_block("[tools]", tool, _described(AnyTool)) for tool in value]
+        if name in ARRAYS:
+            about = _described(ARRAYS[name])
+            parts += [_block(f"[{name}]", one, about) for one in value]
         elif name == "regions":
             for region, entries in value.items():
                 parts.append(_block(f"regions.{_toml_key(region)}", entries))
+        elif name == "vary":
+            if value:
+                parts.append("\n".join(["[vary]", *map(_line, value, value.values())]))
         else:
             parts.append(_block(name, value, _described(hints[name])))
     return "\n".join(parts)
@@ -260,6 +266,9 @@ def _line(key: str, value: Any) -> str:
     if isinstance(value, tuple | list):  # on one line
         inner = ", ".join(_line("x", one).partition(" = ")[2] for one in value)
         return f"{_toml_key(key)} = [{inner}]"
+    if isinstance(value, dict):
+        inner = ", ".join(map(_line, value, value.values()))
+        return f"{_toml_key(key)} = {{{inner}}}"
     import tomli_w  # needed for case files only
 
     return tomli_w.dumps({key: value}).rstrip("\n")
@@ -296,10 +305,12 @@ class Entry(NamedTuple):
 def reference() -> Iterator[Entry]:
     """Generate all keys of a case file."""
     for name, hint in get_type_hints(CaseFile, include_extras=True).items():
-        if name == "regions":
+        if name == "vary":
+            yield Entry("vary", "", "TABLE.KEY", "[value, ...]", "", meaning(hint))
+        elif name == "regions":
             yield from _entries("regions.NAME", Region)
-        elif name == "tools":
-            yield from _entries("[tools]", AnyTool)
+        elif name in ARRAYS:
+            yield from _entries(f"[{name}]", ARRAYS[name])
         else:
             yield from _entries(name, hint)
 

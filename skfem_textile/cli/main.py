@@ -50,6 +50,11 @@ COMMANDS = {
     "run": Command(
         "run a scene or a case file and write its results to a folder", "run"
     ),
+    "sweep": Command(
+        "run a case with all combinations of values of its keys, and compare the "
+        "figures",
+        "sweep",
+    ),
     "fit": Command("identify laws of a fabric from tests", "fit"),
     "init": Command(
         "write a commented case file as a starting point", "scenes", "write_case"
@@ -183,10 +188,10 @@ def _add_options(
     """
     from . import options
 
-    if command == "run":
+    if command in ("run", "sweep"):
         from .run_options import add_run
 
-        add_run(parser, named)
+        add_run(parser, named, is_sweep=command == "sweep")
     elif command == "fit":
         options.add_fit(parser, named)
     elif command in ("export", "net"):

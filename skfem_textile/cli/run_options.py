@@ -4,12 +4,11 @@ import argparse
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from functools import partial
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from ..cases.read import CaseFile, declared
+from ..cases.read import CaseFile, declared, varied, with_value
 from ..cases.scenes import SCENES, Scene
 from ..cases.tables import (
     FILE,
@@ -59,8 +58,7 @@ _OPTIONS_WITH_TOOLS = {
     "pattern": "output.pattern",
 }
 
-# Options of every scene and case file, besides their keys.
-_EVERY: Options = {
+_SET: Options = {
     "--set": option(
         "set any key of a case file, such as stepping.method=plain",
         words.setting,
@@ -69,6 +67,43 @@ _EVERY: Options = {
         nargs="+",
         default=[],
     ),
+}
+
+
+def _processes(of: str, runs: str) -> Options:
+    """Options of the processes of several runs."""
+    return {
+        "--workers": option(
+            f"number of processes{of} (default: one for each processor)",
+            words.count,
+            "N",
+        ),
+        "--scheduler": option(
+            f"address of a dask scheduler that distributes the {runs}, such as "
+            "tcp://machine:8786",
+            metavar="ADDRESS",
+        ),
+    }
+
+
+# Options of a sweep, besides the keys of its case.
+_OF_SWEEP: Options = {
+    "--vary": option(
+        "values of any key of a case file, such as scene.fibres_deg=0,45; all "
+        "combinations are run",
+        words.variation,
+        "KEY=VALUE,VALUE",
+        action="extend",
+        nargs="+",
+        default=[],
+    ),
+    **_SET,
+    **_processes("", "runs"),
+}
+
+# Options of a run, besides the keys of its case.
+_OF_RUN: Options = {
+    **_SET,
     "--checkpoint": option(
         "write every converged step to a checkpoint (default folder: `checkpoint` in "
         "DIR)",
@@ -84,16 +119,7 @@ _EVERY: Options = {
         nargs="?",
         const=True,
     ),
-    "--workers": option(
-        "number of processes for --samples (default: one for each processor)",
-        words.count,
-        "N",
-    ),
-    "--scheduler": option(
-        "address of a dask scheduler that distributes the samples, such as "
-        "tcp://machine:8786",
-        metavar="ADDRESS",
-    ),
+    **_processes(" for --samples", "samples"),
     "--json": option(
         "print summary.json instead of the first quantities", action="store_true"
     ),
@@ -108,6 +134,12 @@ _KEY = re.compile(r"(?<!--set )(?<![\w./])[a-z]+\.\w+(?![\w./])")
 # Options of scene keys that differ from the key without its unit.
 _RENAMED = {"warp_deg": "fibres"}
 
+_EXIT_CODES_OF_SWEEP = (
+    "exit code: 0 if every run applied the whole load; 1 if runs stopped early or were "
+    "refused, or the results cannot be written; 2 for invalid input (nothing is run); "
+    "130 if interrupted (finished runs are kept, and the same command continues)"
+)
+
 _EXIT_CODES = (
     "exit code: 0 if every step converged; 1 if the run stopped early (the last "
     "converged state is written) or the results cannot be written; 2 for invalid input "
@@ -116,7 +148,9 @@ _EXIT_CODES = (
 )
 
 
-def add_run(parser: argparse.ArgumentParser, named: Sequence[str] | None) -> None:
+def add_run(
+    parser: argparse.ArgumentParser, named: Sequence[str] | None, is_sweep: bool = False
+) -> None:
     """Add the scenes; values of case keys are stored by the path of the key.
 
     Parameters
@@ -125,13 +159,19 @@ def add_run(parser: argparse.ArgumentParser, named: Sequence[str] | None) -> Non
         Parser of the command.
     named
         Scene or case file; only this scene gets its options. All scenes if None.
+    is_sweep
+        True for a sweep instead of a run.
     """
+    others = _OF_SWEEP if is_sweep else _OF_RUN
+    epilog = _EXIT_CODES_OF_SWEEP if is_sweep else _EXIT_CODES
     scenes = parser.add_subparsers(dest="scene", required=True)
     for name, scene in SCENES.items():
         is_named = named is None or name in named[:1]
-        _add_scene(scenes, name, summary_of(scene), scene if is_named else None)
+        used = scene if is_named else None
+        _add_scene(scenes, name, summary_of(scene), used, others, epilog=epilog)
     files = [word for word in (named or ())[:1] if words.is_case_file(word)]
-    _add_scene(scenes, words.CASE_FILE, "a case file", None, aliases=files)
+    about_file = words.CASE_FILE, "a case file", None
+    _add_scene(scenes, *about_file, others, aliases=files, epilog=epilog)
 
 
 def add_exports(parser: argparse.ArgumentParser, others: Options) -> None:
@@ -144,19 +184,24 @@ def add_exports(parser: argparse.ArgumentParser, others: Options) -> None:
 
 def as_typed(message: str, options: argparse.Namespace) -> str:
     """Message with the options that were typed, or exist, in place of case keys."""
-    by_key = {path for path, _ in getattr(options, "set", ())}
+    typed = *getattr(options, "set", ()), *getattr(options, "vary", ())
+    by_key = {path for path, _ in typed}
     flags = {k: f for k, f in options.flags.items() if k not in by_key}
     return _KEY.sub(lambda found: flags.get(found[0], found[0]), message)
 
 
 def _add_scene(
-    scenes: Any, name: str, summary: str, scene: type[Scene] | None, **settings: Any
+    scenes: Any,
+    name: str,
+    summary: str,
+    scene: type[Scene] | None,
+    others: Options,
+    **settings: Any,
 ) -> None:
     """Add a scene, or a case file in its place, with options for its keys."""
     parser = scenes.add_parser(
         name,
         help=summary,
-        epilog=_EXIT_CODES,
         add_help=False,
         usage="%(prog)s --out DIR [option ...] [--set KEY=VALUE ...]",
         # Options and their help are on the same line.
@@ -183,7 +228,7 @@ def _add_scene(
             group = parser.add_argument_group(title)
             flags |= _add_keys(group, options, tables, defaults)
     parser.set_defaults(flags=flags)
-    add(parser, _EVERY)
+    add(parser, others)
     parser.add_argument(
         *("-v", "--verbose"),
         action="count",
@@ -310,26 +355,28 @@ def tables_of_options(
     ValueError
         If a path leads through a key that is not a table, or a name is given twice.
     """
-    case = deepcopy(dict(tables))
+    case = dict(tables)
     settings = [(path, _joined(v)) for path, v in vars(options).items() if "." in path]
     further = getattr(options, "set", ())
-    for path, times in Counter(path for path, _ in further).items():
-        if times > 1:
-            raise ValueError(
-                f"--set {printable(path)} is given twice: omit one of them"
-            )
-        if path == "scene.name":
-            raise ValueError(
-                "--set scene.name is not supported: name the scene after `run`"
-            )
+    for flag in "set", "vary":
+        given = Counter(path for path, _ in getattr(options, flag, ()))
+        for path, times in given.items():
+            if times > 1:
+                raise ValueError(
+                    f"--{flag} {printable(path)} is given twice: omit one of them"
+                )
+            if path == "scene.name":
+                raise ValueError(
+                    f"--{flag} scene.name is not supported: name the scene after "
+                    f"`{options.command}`"
+                )
     for path, value in [*settings, *further]:
-        *around, key = path.split(".")
-        table: Any = case
-        for name in around:
-            table = table.setdefault(name, {})
-            if not isinstance(table, dict):
-                raise ValueError(f"--set {path}: {name} is a value, not a table")
-        table[key] = value
+        try:
+            case = with_value(case, path, value)
+        except ValueError as error:
+            raise ValueError(f"--set {path}: {error}") from None
+    if further := getattr(options, "vary", ()):
+        case["vary"] = varied(case.get("vary", {})) | varied(dict(further))
     return case
 
 

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,16 +44,14 @@ class Sampling:
         A fabric for each sample.
     key
         Checksum of the case and the files that it names.
-    workers
-        Number of processes.
-    scheduler
-        Address of a dask scheduler, which replaces the processes.
+    workers, scheduler
+        See `executor_of`.
     """
 
     case: Case
     fabrics: list[Fabric]
     key: str
-    workers: int
+    workers: int | None
     scheduler: str | None
 
     @classmethod
@@ -61,29 +59,51 @@ class Sampling:
         cls, file: CaseFile, case: Case, written: WrittenCase, options: Namespace
     ) -> "Sampling":
         """Samples of a case; raises a ValueError if there are none."""
-        require("samples of a fabric", "sweep", "threadpoolctl")
-        if options.scheduler is not None:
-            require("a dask scheduler", "sweep", "distributed")
-        workers = options.workers or _processors()
-        fabrics = sampled_fabrics(file.fabric)
-        return cls(case, fabrics, written.checksum(), workers, options.scheduler)
+        require_packages("samples of a fabric", options.scheduler)
+        fabrics, key = sampled_fabrics(file.fabric), written.checksum()
+        return cls(case, fabrics, key, options.workers, options.scheduler)
 
     def run(self, folder: Path) -> Samples:
         """Run all samples; completed ones in the folder are not repeated."""
-        with shown("running the samples", printed=True), self._executor() as executor:
+        most = len(self.fabrics)
+        chosen = executor_of(self.workers, self.scheduler, most)
+        with shown("running the samples", printed=True), chosen as executor:
             out = folder / RESULTS
             return run_samples(self.case, self.fabrics, executor, out, self.key)
 
-    @contextmanager
-    def _executor(self) -> Iterator[Executor]:
-        if self.scheduler is None:
-            with WorkerProcesses(min(self.workers, len(self.fabrics))) as executor:
-                yield executor
-        else:
-            from dask.distributed import Client
 
-            with Client(self.scheduler) as client:
-                yield client.get_executor()
+def require_packages(what: str, scheduler: str | None) -> None:
+    """Raise an error if a package for several runs is not installed."""
+    require(what, "sweep", "threadpoolctl")
+    if scheduler is not None:
+        require("a dask scheduler", "sweep", "distributed")
+
+
+def executor_of(
+    workers: int | None, scheduler: str | None, most: int
+) -> AbstractContextManager[Executor]:
+    """Executor of a number of runs, for a ``with`` block.
+
+    Parameters
+    ----------
+    workers
+        Number of processes; None for one for each processor.
+    scheduler
+        Address of a dask scheduler, which replaces the processes, or None.
+    most
+        Number of runs.
+    """
+    if scheduler is None:
+        return WorkerProcesses(min(workers or _processors(), most))
+    return _on_dask(scheduler)
+
+
+@contextmanager
+def _on_dask(scheduler: str) -> Iterator[Executor]:
+    from dask.distributed import Client
+
+    with Client(scheduler) as client:
+        yield client.get_executor()
 
 
 def _processors() -> int:

@@ -134,10 +134,15 @@ class MeasuredCompaction(declared.MeasuredCompaction):
         """The first thickness."""
         return float(self.thickness[0])
 
+    @property
+    def thinnest(self) -> float:
+        """The last thickness, below which the curve is extrapolated."""
+        return float(self.thickness[-1])
+
     def pressure_at(self, thickness: ndarray) -> ndarray:
         """See `CompactionLaw`."""
         curve = PchipInterpolator(self.thickness[::-1], self.pressure[::-1])
-        thinnest = self.thickness[-1]
+        thinnest = self.thinnest
         within = np.clip(thickness, thinnest, self.free)
         thinner = np.minimum(thickness - thinnest, 0.0) * (thinnest / thickness)
         beyond = float(curve(thinnest, 1)) * thinner

@@ -17,9 +17,6 @@ it, as in primal-dual methods (Hintermüller & Stadler 2006):
     (b I − σ⊗m)/|y|,   m = y/|y|,  if |y| > ε,   else b I/ε,
 
 with its symmetric part, which is positive semi-definite for |σ| ≤ b.
-
-With exact stick, s is a multiplier: updates within an iteration replace it by f, until
-nodes that stick do not slip.
 """
 
 from collections.abc import Callable
@@ -30,10 +27,6 @@ from numpy import ndarray
 
 from ..ply.parameters import Values
 from ..solve.direction import TINY
-
-# Slip of nodes that stick, relative to the elastic slip, up to which stick is exact.
-# Chosen: if the updates end early, most of the elastic slip remains.
-_STUCK = 0.1
 
 
 class Friction:
@@ -54,8 +47,6 @@ class Friction:
         Rotation R and translation c of the tool at a load factor.
     positions
         Positions x of the contact points at a displacement in mm.
-    exact_stick
-        True if nodes that stick do not slip elastically.
     """
 
     def __init__(
@@ -64,9 +55,8 @@ class Friction:
         slip: float,
         placement: Callable[[float], tuple[ndarray, ndarray]],
         positions: Callable[[ndarray], ndarray],
-        exact_stick: bool = False,
     ) -> None:
-        self._coefficient, self._slip, self._exact = coefficient, slip, exact_stick
+        self._coefficient, self._slip = coefficient, slip
         self._placement, self._positions = placement, positions
 
     def at_rest(self, u: ndarray) -> dict[str, Any]:
@@ -96,8 +86,6 @@ class Friction:
     ) -> Values:
         """Values at a displacement, by the normals and normal forces there."""
         after = self.bounded(p, t, normals, self.bound(t, force))
-        if self._exact:
-            after = Values({**after, "shear": self._force(u, t, after)})
         return Values({**after, "predicted": self._force(u, t, after)})
 
     def predicted(self, p: Values, u: ndarray, du: ndarray, t: float) -> Values:
@@ -116,16 +104,6 @@ class Friction:
         slid = y * np.maximum(1 - self._slip / np.maximum(size, TINY), 0.0)
         work = p["work"] + (force * slid).sum()
         return Values({**p, "slips_from": x, "shear": force, "work": work})
-
-    def sticks(self, u: ndarray, t: float, p: Values) -> bool:
-        """True unless nodes with exact stick slip by a share of the elastic slip."""
-        if not self._exact:
-            return True
-        _, size = self._slipped(u, t, p)
-        moved = self._tangential(self._local(u, t) - p["slips_from"], p)
-        held = (p["bound"] > 0) & (size < self._slip)
-        slip = np.linalg.norm(moved[:, held], axis=0).max(initial=0.0)
-        return bool(slip <= _STUCK * self._slip)
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Σ b (h(|y|) − h(|y|) at the last state), in N·mm."""

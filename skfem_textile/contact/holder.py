@@ -1,6 +1,6 @@
 """Pressure of holders, and the contacts of a ply with tools and holders."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -63,7 +63,7 @@ class _Pressed(TermParameters):
         term, (areas, slopes) = self._term, self._areas(u, t)
         after: dict[str, Any] = {**values, "areas": areas * (1 / slopes)}
         if term.rigid:
-            weight = self._weight(u)
+            weight = self.weight(u)
             pressures, distance = term.rigid.pressed(t, areas / weight, weight)
             after |= {"pressures": pressures / weight, "distance": np.array(distance)}
         values = Values(after)
@@ -94,7 +94,7 @@ class _Pressed(TermParameters):
         slopes[nodes] = at.slope
         return areas, slopes
 
-    def _weight(self, u: ndarray) -> ndarray:
+    def weight(self, u: ndarray) -> ndarray:
         """Undeformed over current area at each node: its relative areal weight.
 
         Infinite at corners of quadratic triangles, whose area vanishes.
@@ -140,6 +140,7 @@ class HolderPressure(ToolTerm):
     ) -> None:
         super().__init__(name, obstacle, basis)
         self._pressure: Any = pressure
+        self._basis = basis
         self.rigid: Any = None if callable(pressure) else pressure
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
         self.parameters = self._pressed_areas = _Pressed(self, obstacle, basis)
@@ -170,6 +171,39 @@ class HolderPressure(ToolTerm):
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Forces of the contact points towards the surface in N, shape (n_nodes,)."""
         return np.asarray(np.linalg.norm(self._on_points(u, t, p), axis=1))
+
+    def contradictions(self, states: Sequence[Any]) -> list[str]:
+        """Also a law of compaction that is extrapolated, and pressure over an opening.
+
+        A node that is beyond the surface by more than the size of an element is over an
+        opening: it has passed through the surface.
+        """
+        lines, what = super().contradictions(states), self._obstacle.what
+        thinnest = getattr(self.rigid and self.rigid.law, "thinnest", 0.0)
+        least = min(map(self._thinnest, states)) if thinnest else np.inf
+        if least < (1 - ROUND_OFF) * thinnest:
+            lines.append(
+                f"force of {what} compresses the ply to {least:.4g} mm: its law of "
+                f"compaction ends at {thinnest:g} mm and is extrapolated"
+            )
+        last = states[-1]
+        *_, local = self._nodes_under(
+            last.u, last.load_factor, last.parameters[self.name]
+        )
+        level, gradient = self._surface.level(local), self._surface.gradient(local)
+        heights = self._obstacle.side * level / np.linalg.norm(gradient, axis=0)
+        if (beyond := -float(heights.min(initial=0.0))) > self._basis.mesh.param():
+            lines.append(
+                f"{what} also presses on a part of the ply that is beyond its surface, "
+                f"by up to {beyond:.3g} mm: it is over an opening, and needs an outline"
+            )
+        return lines
+
+    def _thinnest(self, state: Any) -> float:
+        """Smallest thickness of the ply under a holder with a force, in mm."""
+        p = state.parameters[self.name]
+        weight = self._pressed_areas.weight(state.u)[p["pressures"] > 0]
+        return float((p["distance"] / weight).min(initial=np.inf))
 
     def reaches(self, u: ndarray, t: float) -> bool:
         """True if it presses on a part of the ply, whatever its pressure."""

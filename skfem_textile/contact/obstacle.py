@@ -8,7 +8,7 @@ integral of its shape function: the corners of quadratic triangles, whose integr
 vanishes, touch no tool.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
@@ -427,14 +427,12 @@ class ToolTerm(ElementTerm):
         self._points = ContactPoints(obstacle.X, basis)
         self.nodes = self._points.nodes
 
-    def with_friction(
-        self, coefficient: Callable[[float], float], slip: float, exact_stick: bool
-    ) -> None:
+    def with_friction(self, coefficient: Callable[[float], float], slip: float) -> None:
         """Add Coulomb friction, see `Friction`."""
         from .friction import Friction
 
         place, at = self._obstacle.placement, self._points.in_planes
-        self.friction = Friction(coefficient, slip, place, at, exact_stick)
+        self.friction = Friction(coefficient, slip, place, at)
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Normal forces on the contact points in N, shape (n_nodes,)."""
@@ -450,6 +448,19 @@ class ToolTerm(ElementTerm):
         """Derivative of the residual with the parameters held fixed."""
         matrices = self.matrices(u, t, p)
         return None if matrices is None else self._points.tangent(matrices)
+
+    def contradictions(self, states: Sequence[Any]) -> list[str]:
+        """Friction without effect, see `Ply.contradictions`."""
+        complete = states[-1].load_factor == 1
+        if self.friction and complete and not any(map(self._presses, states)):
+            what = self._obstacle.what
+            return [f"friction of {what} has no effect: it touches nothing"]
+        return []
+
+    def _presses(self, state: Any) -> bool:
+        """True if it presses on a node in a state."""
+        p = state.parameters[self.name]
+        return bool(self.forces(state.u, state.load_factor, p).any())
 
     def travel(self, t: float) -> ndarray:
         """Translation from the initial position in mm, shape (3,)."""

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis
@@ -68,9 +67,6 @@ class Tool:
         the load factor.
     elastic_slip
         Slip in mm up to which friction is elastic, before the ply slides.
-    exact_stick
-        True if the ply does not slip before it slides; it takes more linear solves, and
-        steps are refused if it does not converge: a small elastic slip takes less.
     name
         Name of the term, of the force of the tool, and of its travel.
     stated
@@ -100,7 +96,6 @@ class Tool:
     outline: ArrayLike | None = None
     friction: Amount = 0.0
     elastic_slip: float = 0.02
-    exact_stick: bool = False
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -143,7 +138,7 @@ class Holder:
         from the thickness of the ply under the holder.
     compaction
         Law of compaction of the ply under a force, such as `Compaction`.
-    motion, side, thickness, outline, friction, elastic_slip, exact_stick, name, stated
+    motion, side, thickness, outline, friction, elastic_slip, name, stated
         See `Tool`.
 
     Examples
@@ -170,7 +165,6 @@ class Holder:
     outline: ArrayLike | None = None
     friction: Amount = 0.0
     elastic_slip: float = 0.02
-    exact_stick: bool = False
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -235,11 +229,6 @@ def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
     what = f"{what}: friction"
     coefficient = function_of(what, tool.friction, 0.0, "", _MOST_FRICTION)
     slip = number(f"{what}: elastic_slip", tool.elastic_slip, above=0)
-    if not isinstance(tool.exact_stick, bool | np.bool_):
-        raise ValueError(
-            f"{what}: exact_stick must be True or False, got "
-            f"{shortened(tool.exact_stick)}"
-        )
     if callable(tool.friction) or tool.friction:
-        term.with_friction(coefficient, slip, tool.exact_stick)
+        term.with_friction(coefficient, slip)
     return term

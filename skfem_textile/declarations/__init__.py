@@ -295,6 +295,49 @@ else:
 _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
+@declaration("ply.clamps", eq=False)
+class Clamp:
+    """springs along an edge of the ply, which may let go"""
+
+    edge: Any = key(
+        "name of the boundary of the mesh that the clamp holds, such as right",
+        kind=str,
+    )
+    stiffness: float = key(
+        "stiffness of the whole clamp, shared by length along the edge",
+        unit="N_per_mm",
+    )
+    direction: "ArrayLike | None" = key(
+        "direction x, y (and z in space) in which the clamp pulls; the ply moves "
+        "freely along the others (default: springs in all directions)",
+        default=None,
+        kind=tuple[float, ...] | None,
+    )
+    release: float | None = key(
+        "force of the whole clamp on the computed part of the ply at which it lets go "
+        "(default: it never does)",
+        default=None,
+        unit="N",
+    )
+    preload: float = key(
+        "force along the direction with which the clamp pulls at the undeformed edge",
+        default=0.0,
+        unit="N",
+    )
+    within: Any = mm(
+        "the part of the edge within a rectangle: smallest x and y, and largest x and "
+        "y, of the undeformed ply (default: the whole edge)",
+        default=None,
+        kind=tuple[float, float, float, float] | None,
+    )
+    name: str = key(
+        "name of the clamp (default: clamp_1, clamp_2, ...)",
+        default="clamp",
+        in_file=None,
+        kind=str | None,
+    )
+
+
 @declaration("surfaces.analytic", eq=False)
 class Plane:
     """plane"""

@@ -129,6 +129,16 @@ def setting(word: str) -> tuple[str, Any]:
     return path, _value(value)
 
 
+def variation(word: str) -> tuple[str, list[Any]]:
+    """Path and values of ``path.to.key=value,value,...``, as in a case file."""
+    path, values = word.partition("=")[::2]
+    setting(word)
+    try:
+        return path, tomllib.loads(f"x = [{values}]")["x"]
+    except (ValueError, RecursionError):
+        return path, [_value(value) for value in values.split(",")]
+
+
 def pair(word: str) -> tuple[str, Any]:
     """Name and value of ``NAME=VALUE``; several values are separated by commas."""
 

@@ -1,6 +1,7 @@
 """Public names, which the package imports on first use."""
 
 from .curves import (
+    compared_runs as compared_runs,
     curves as curves,
     plot_law as plot_law,
     plot_tensions as plot_tensions,

@@ -109,6 +109,148 @@ def columns_of(labels: Sequence[str], width: float) -> int:
     return 1
 
 
+# Dashes of lines, each for all colours, so that many lines are distinct.
+_DASHES = "-", "--", ":", "-."
+
+# Largest number of values with a tick each.
+_MOST_TICKS = 6
+
+# Smallest range of an ordinate relative to its largest value.  Chosen: smaller
+# differences are within the error of most meshes, and do not fill a panel.
+_LEAST_RANGE = 0.05
+
+# Labels of the marks of runs that did not apply the whole load.
+_EARLY, _NONE = "stopped early: at its last state", "refused: no state"
+
+
+def compared_runs(
+    values: Mapping[str, Sequence[Any]],
+    figures: Mapping[str, ArrayLike],
+    complete: ArrayLike,
+    filename: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Plot figures of several runs over their values, a panel for each figure.
+
+    The quantity with the most values is the abscissa; each combination of the others is
+    a line, which joins runs that applied the whole load; other runs are marked.
+
+    Parameters
+    ----------
+    values
+        Values of each run by quantity with its unit, numbers or words.
+    figures
+        Figure of each run by name with its unit, shape (n_runs,), not finite for a run
+        without a state; or also half-widths of error intervals, not finite if there is
+        none, shape (2, n_runs).
+    complete
+        True for runs that applied the whole load, shape (n_runs,).
+    filename
+        Output file: PNG, or vector graphics (.svg, .pdf or .eps).
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As `picture_path`.
+
+    Examples
+    --------
+    >>> figure = compared_runs(
+    ...     {"Friction": [0.0, 0.1]}, {"Force (N)": [10.0, 12.0]}, [True, True]
+    ... )
+    >>> figure.axes[0].get_xlabel(), figure.axes[0].get_title()
+    ('Friction', 'Force (N)')
+    """
+    along = max(values, key=lambda name: len(set(map(repr, values[name]))))
+    x, ticks = _places(values[along])
+    others = [name for name in values if name != along]
+    lines: dict[str, list[int]] = {}
+    for run in range(len(x)):
+        label = ", ".join(_with_unit(name, values[name][run]) for name in others)
+        lines.setdefault(label, []).append(run)
+    done = np.asarray(complete, dtype=bool)
+    known = [np.atleast_2d(np.asarray(y, dtype=float)) for y in figures.values()]
+    found = np.array([np.vstack([y, np.full_like(y, np.nan)])[:2] for y in known])
+    states = np.isfinite(found[:, 0]).any(axis=0)
+    shown = dict(zip(lines, cycle((c, d) for d in _DASHES for c in COLOURS)))
+    with new_figure(filename) as figure:
+        width = default_width(len(figures)) / 25.4
+        figure.set_size_inches(width, max(_LEAST_HEIGHT, width / len(figures)))
+        for i, (name, y) in enumerate(zip(figures, found, strict=True), start=1):
+            axes = figure.add_subplot(1, len(figures), i, xlabel=along, title=name)
+            for label, runs in lines.items():
+                _draw_line(axes, x[runs], y[:, runs], done[runs], shown[label])
+            axes.grid(alpha=0.3)
+            low, high = axes.get_ylim()
+            wide = 0.5 * max(high - low, _LEAST_RANGE * max(abs(low), abs(high)))
+            axes.set_ylim(0.5 * (low + high) - wide, 0.5 * (low + high) + wide)
+            if ticks:
+                axes.set_xticks([*ticks], [*ticks.values()])
+        handles: list[Artist] = [
+            Line2D([], [], label=label, color=c, ls=d, marker="o", markersize=3)
+            for label, (c, d) in shown.items()
+            if label
+        ]
+        for mark, name, runs in (("x", _EARLY, states), ("v", _NONE, ~states)):
+            if (runs & ~done).any():
+                look: dict[str, Any] = {"c": "black", "ls": "", "mfc": "none"}
+                handles.append(Line2D([], [], label=name, marker=mark, **look))
+        if np.isfinite(found[:, 1]).any():
+            bar: dict[str, Any] = {"c": "black", "ls": "", "marker": "|"}
+            handles.append(Line2D([], [], label=_BANDS[3], **bar))
+        if handles:
+            names = [str(one.get_label()) for one in handles]
+            legend_below(figure, handles, columns_of(names, width * 25.4))
+    return figure
+
+
+def _draw_line(
+    axes: Axes, x: np.ndarray, y: np.ndarray, done: np.ndarray, look: tuple[str, str]
+) -> None:
+    """Draw runs of one line in ascending order, and mark those that are not complete.
+
+    ``y`` are figures and half-widths, shape (2, n_runs).  Runs without a state are at
+    the bottom.
+    """
+    colour, dash = look
+    order = np.argsort(x, kind="stable")
+    x, (y, half), done = x[order], y[:, order], done[order]
+    if np.isfinite(half).any():
+        axes.errorbar(x, y, half, fmt="none", ecolor=colour, elinewidth=0.8, capsize=2)
+    whole = np.where(done, y, np.nan)
+    axes.plot(x, whole, "o", ls=dash, color=colour, markersize=3)
+    axes.plot(x[~done], y[~done], "x", color=colour, markersize=6)
+    none = x[~done & ~np.isfinite(y)]
+    if none.size:
+        at = axes.get_xaxis_transform()
+        axes.plot(
+            none, np.full_like(none, 0.04), "v", c=colour, mfc="none", transform=at
+        )
+
+
+def _places(values: Sequence[Any]) -> tuple[np.ndarray, dict[float, str]]:
+    """Abscissas of values, and labels at few of them or at words."""
+    words = list(dict.fromkeys(map(str, values)))
+    x = np.array([float(words.index(str(value))) for value in values])
+    numbers = all(
+        isinstance(x, int | float) and not isinstance(x, bool) for x in values
+    )
+    if numbers:
+        x = np.array(values, dtype=float)
+    if numbers and len(words) > _MOST_TICKS:
+        return x, {}
+    return x, dict(zip(x.tolist(), map(_short, values), strict=True))
+
+
+def _short(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _with_unit(name: str, value: Any) -> str:
+    """Quantity and value, such as "Friction 0.2" or "Fibres 45 °"."""
+    words, _, unit = name.partition(" (")
+    return f"{words} {_short(value)} {unit.removesuffix(')')}".strip()
+
+
 # Largest argument for laws without a default range or a finite domain: fibre strain,
 # shear angle in radians, and curvature in 1/mm.
 _STRAIN, _ANGLE, _CURVATURE = 0.02, np.radians(60.0), 0.02

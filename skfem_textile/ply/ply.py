@@ -1,6 +1,6 @@
 """Ply model: mesh, fabric, formulation and terms as a function of the displacement."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -22,7 +22,7 @@ from ..mesh.selection import FibreEnd
 from ..mesh.splitting import at_nodes, hat_functions, original_elements, was_changed
 from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT
-from .parameters import NO_VALUES, PlyParameters, with_slip_of
+from .parameters import NO_VALUES, with_slip_of
 from .sum_of_terms import SumOfTerms
 from .term_check import check_term, contradiction
 from .terms import FormTerm, Formulation, Load, TensionTerm, Term
@@ -195,21 +195,28 @@ class Ply(SumOfTerms):
         ply.users_mesh = self.users_mesh
         return ply
 
-    def contradictions(
-        self, u: ndarray, t: float, parameters: PlyParameters
-    ) -> list[str]:
-        """Contradictions between energy, residual and tangent of users' terms.
+    def contradictions(self, states: Sequence[Any]) -> list[str]:
+        """Contradictions of terms in the states of a run, in one line each.
 
-        At a displacement, load factor and parameters, in one line for each term.  Terms
-        of this package are not evaluated, except users' forms.
+        Between energy, residual and tangent of users' terms at the last state; terms of
+        this package are not evaluated, except users' forms.  And those that a method
+        ``contradictions`` of a term finds in the states, such as friction without
+        contact.
         """
+        u, t, parameters = (
+            getattr(states[-1], x) for x in ("u", "load_factor", "parameters")
+        )
         package, pairs = __package__.split(".")[0], []
         for given, term in zip(self.user_terms, self.further_terms, strict=True):
             own = type(given).__module__.split(".")[0] == package
             if isinstance(given, FormTerm) or not own:
                 pairs.append((term, parameters.get(term.name, NO_VALUES)))
         found = (contradiction(x, u, t, p, self.element_size) for x, p in pairs)
-        return [line for line in found if line]
+        lines = [line for line in found if line]
+        for term in self.further_terms:
+            if of_states := getattr(term, "contradictions", None):
+                lines += of_states(states)
+        return lines
 
     @property
     def placement(self) -> dict[str, Any]:

@@ -168,9 +168,9 @@ class SumOfTerms(FabricOnBasis):
     def energy_lost(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> dict[str, float]:
-        """Energy lost by friction up to a state in N·mm, by term.
+        """Energy lost up to a state in N·mm, by term: by friction, and by clamps.
 
-        Empty without friction.
+        Empty without friction and clamps that may let go.
 
         Parameters
         ----------
@@ -181,7 +181,7 @@ class SumOfTerms(FabricOnBasis):
         return {
             name: float(declared.advanced(values[name], u, t)["work"])
             for name, declared in self._declared.items()
-            if any("slip" in value for value in values[name])
+            if any(_is_of_loss(value) for value in values[name])
         }
 
     @cached_property
@@ -520,6 +520,11 @@ class SumOfTerms(FabricOnBasis):
         curvatures = [end for term in bending for end in term.ends(u, t)]
         state = self.law_strain(u), self.shear_angle(u)
         return self._at_elements.closest_end(*state, curvatures)
+
+
+def _is_of_loss(value: str) -> bool:
+    """True for the name of a parameter value of friction or of a clamp."""
+    return "slip" in value or value == "released_at"
 
 
 def _changed(before: PlyParameters, after: dict[str, Values]) -> PlyParameters:

@@ -201,6 +201,26 @@ class ContactTerm(ElementTerm):
         raise NotImplementedError
 
 
+class SupportTerm(Term):
+    """Support by forces, such as a clamp, which reports a reaction and its travel.
+
+    Attributes
+    ----------
+    release
+        Magnitude of its force in N at which it lets go; infinite if it never does.
+    """
+
+    release: float
+
+    def force(self, u: ndarray, p: Values) -> ndarray:
+        """Resultant on the ply in N, shape (d,)."""
+        raise NotImplementedError
+
+    def travel(self, u: ndarray) -> ndarray:
+        """Mean displacement of its nodes in mm, shape (d,)."""
+        raise NotImplementedError
+
+
 class Load(Protocol):
     """Object from which a term is built on a displacement basis of a ply."""
 

@@ -108,22 +108,18 @@ def is_closed(problem: Problem, u: ndarray, parameters: PlyParameters) -> bool:
     return True
 
 
-def refuse_slip(problem: Problem, u: ndarray, parameters: PlyParameters) -> None:
-    """Raise an error if the friction of a tool with exact stick has not converged."""
-    for tool in problem.rubbing:
-        if not tool.friction.sticks(u, problem.load_factor, parameters[tool.name]):
-            raise NoEquilibriumError(
-                f"{tool.name!r}: exact_stick does not converge: nodes slip that stick",
-                advice="a smaller elastic_slip without exact_stick, or more steps",
-            )
-
-
 def resultants(
     problem: Problem, u: ndarray, parameters: PlyParameters
 ) -> dict[str, tuple[ndarray, ndarray]]:
-    """Force of each tool on the ply in N, and its travel in mm, shape (3,), by name."""
+    """Force of each tool and clamp on the ply in N, and its travel in mm, by name.
+
+    Shapes (d,).
+    """
     t = problem.load_factor
     return {
+        x.name: (x.force(u, parameters.get(x.name, {})), x.travel(u))
+        for x in problem.clamps
+    } | {
         x.name: (
             -problem.nodal(x.residual(u, t, parameters[x.name])).sum(axis=1),
             x.travel(t),

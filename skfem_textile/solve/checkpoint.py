@@ -16,6 +16,7 @@ from numpy import ndarray
 from ..fabric import Law, TwoLaws
 from ..ply import Ply
 from ..ply.parameters import Frozen
+from ..ply.terms import SupportTerm
 from . import checksummed
 from .continuation import Continuation
 from .linear.solver import Clock
@@ -24,7 +25,7 @@ from .states import CheckpointError, Equilibrium, State, Verdict
 from .verdict import Trial
 
 # File format version; other versions are refused.
-_FORMAT = 9
+_FORMAT = 10
 
 # Advice for a checkpoint of another run.
 _OTHER_FOLDER = "; use the arguments of that run, or another folder"
@@ -275,6 +276,11 @@ class Checkpoint:
             ),
             "surfaces": np.empty(0) if surfaces is None else surfaces.levels(1.0),
         }
+        entries |= {
+            f"release of {x.name!r}": np.array([x.release])
+            for x in ply.terms
+            if isinstance(x, SupportTerm)
+        }
         if self._release:
             entries["ends of conditions"] = np.array(self._release.ends)
         probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
@@ -337,10 +343,9 @@ class Replay:
         """Evaluate a stored state again; its trial and the fixed values."""
         t, u, p = state.load_factor, state.u, state.parameters
         before = None
-        if t > 0 and not (
-            self._guessed and t == 1 and not self.last.problem.load_factor
-        ):
-            before = self.last.next_start()
+        last = getattr(self, "last", None)
+        if last and not (self._guessed and t == 1 and not last.problem.load_factor):
+            before = last.next_start()
         problem = self._problem.at(t)  # at which conditions may have ended
         equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
         trial = Trial.of(problem, equilibrium, before)
@@ -439,6 +444,8 @@ def _state(content: checksummed.Content, before: Sequence[State], ply: Ply) -> S
         raise ValueError("its displacement does not belong to this ply")
     state = State(u=u, parameters=Frozen(parameters), **text)
     last = before[-1].load_factor if before else -1.0
+    if any(isinstance(x, SupportTerm) for x in ply.terms):  # which may have let go
+        last = np.nextafter(last, -np.inf)
     if not last < state.load_factor <= 1:
         raise ValueError(
             f"its load factor must be above {last} and at most 1, but is "
@@ -458,7 +465,7 @@ def _progress(
         raise ValueError(
             f"its step length must be above 0 and at most {longest}, but is {path.next}"
         )
-    numbers = list(path.unresolved)
+    numbers = [*path.unresolved, *(x for t, _, x in path.overloads for x in (t, x))]
     numbers += [x for end in path.to_compare for x in (end.energy, *end.forces)]
     if not np.isfinite([progress.elapsed, *clock.seconds.values(), *numbers]).all():
         raise ValueError("its times, factors, energies or forces are not finite")

@@ -112,6 +112,8 @@ class Continuation:
         Ends of hard steps that are being repeated in two halves.
     not_followed_until
         Load factor up to which the path is not followed.
+    overloads
+        Ends of steps that were refused because a clamp lets go before.
     """
 
     longest: float
@@ -122,12 +124,14 @@ class Continuation:
     unresolved: list[float] = field(default_factory=list)
     to_compare: list[StepEnd] = field(default_factory=list)
     not_followed_until: float = -1.0
+    overloads: list[Any] = field(default_factory=list)
 
     @classmethod
     def of(cls, saved: Mapping[str, Any]) -> "Continuation":
         """The continuation of a checkpoint."""
         to_compare = [StepEnd(*past) for past in saved["to_compare"]]
-        return cls(**{**saved, "to_compare": to_compare})
+        overloads = [tuple(x) for x in saved["overloads"]]
+        return cls(**{**saved, "to_compare": to_compare, "overloads": overloads})
 
     @property
     def _short(self) -> float:
@@ -193,6 +197,13 @@ class Continuation:
         fail.
         """
         step, shortest = end - t, self.longest / 2.0**self.halvings
+        if failure.overload:
+            if step <= _SHORTEST_STEP:
+                raise failure
+            log.info("the step to load factor %g is shortened: %s", end, failure)
+            self.overloads.append(failure.overload)
+            self.cut += 1
+            return
         known = step <= _SHORTEST_STEP or by <= _KNOWN_SHARE
         if step > 1.5 * shortest or not known:
             log.info(

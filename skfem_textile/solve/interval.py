@@ -141,6 +141,8 @@ _OWN_TERM = (
 
 _FRICTION = "intervals are measured without friction only; compare with a finer mesh"
 
+_LET_GO = "clamps have let go; compare with a finer mesh"
+
 _RELEASED = "conditions have ended; compare with a finer mesh"
 
 #: A quantity of the user: a number from a ply and its displacement.
@@ -250,6 +252,8 @@ def error_interval(
         return ErrorInterval(reason="no node is free: refine the mesh")
     if problem.ply.fabric.has_friction or problem.rubbing:
         return ErrorInterval(reason=_FRICTION)
+    if any(p.get("released_at", np.inf) < np.inf for p in state.parameters.values()):
+        return ErrorInterval(reason=_LET_GO)
     if problem.release and problem.release.phase(state.load_factor):
         return ErrorInterval(reason=_RELEASED)
     if own := [x.name for x in problem.ply.terms if _has_own_forms(x)]:

@@ -17,7 +17,7 @@ from ..mesh.bases import components, node_positions
 from ..mesh.pattern import with_data
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
-from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
+from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm, SupportTerm
 from .conditions import Constraints, plain, reactions, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
@@ -133,9 +133,9 @@ class Problem:
         True if there are loads, or a term with a ``line_search``, respectively.
     moves
         True if supports, surfaces or tools move after the load factor 0.
-    contacts, rubbing, balancing
-        Terms of contact with tools, tools and holders with friction, and self-balancing
-        loads.
+    contacts, rubbing, balancing, clamps
+        Terms of contact with tools, tools and holders with friction, self-balancing
+        loads, and clamps.
     release
         Conditions that end during a run; None if there are none.
     remaining
@@ -144,8 +144,8 @@ class Problem:
     Raises
     ------
     ValueError
-        If a term is ``unsupported`` under the conditions, or a tool has the name of a
-        condition.
+        If a term is ``unsupported`` under the conditions, or a tool or clamp has the
+        name of a condition.
     """
 
     def __init__(
@@ -169,17 +169,20 @@ class Problem:
         self.line_search = any(term.line_search for term in ply.terms)
         for term in ply.terms:
             if reason := getattr(term, "unsupported", lambda _: "")(constraints):
-                raise ValueError(f"load {term.name!r}: {reason}")
+                what = getattr(term, "what", f"load {term.name!r}")
+                raise ValueError(f"{what}: {reason}")
         self.balancing = [term for term in ply.terms if term.balances]
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
         self.rubbing: list[Any] = [x for x in ply.terms if getattr(x, "friction", None)]
-        for tool in self.contacts:
-            if tool.name in constraints.nodes:
-                raise ValueError(
-                    f"a tool and a condition have the name {tool.name!r}, under which "
-                    "both report a reaction: rename one of them"
-                )
+        self.clamps: list[Any] = [x for x in ply.terms if isinstance(x, SupportTerm)]
+        for kind, terms in ("tool", self.contacts), ("clamp", self.clamps):
+            for term in terms:
+                if term.name in constraints.nodes:
+                    raise ValueError(
+                        f"a {kind} and a condition have the name {term.name!r}, under "
+                        "which both report a reaction: rename one of them"
+                    )
         self.loaded = len(self._loads) > len(self.contacts)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
         self.moves = True

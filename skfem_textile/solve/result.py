@@ -13,7 +13,7 @@ from .. import solve
 from ..mesh.bases import components
 from ..mesh.user_input import CopiedError
 from ..ply import Ply
-from ..ply.terms import ContactTerm
+from ..ply.terms import ContactTerm, SupportTerm
 from ..surfaces.surface import Surface
 from .conditions import Conditions
 from .continuation import path_warning
@@ -235,8 +235,10 @@ class Result:
         """Warnings of the run, one line each.
 
         They state that nothing changes with the load factor; the checks that failed but
-        only warn, each with the first load factor; an unresolved path; and users' terms
-        whose energy, residual and tangent contradict each other at the last state.
+        only warn, each with the first load factor; an unresolved path; users' terms
+        whose energy, residual and tangent contradict each other at the last state; and
+        friction without contact, extrapolated laws of compaction and holders over an
+        opening.
         """
         failed: dict[str, list[State]] = {}
         for state in self.states:
@@ -249,11 +251,11 @@ class Result:
             lines.append(f"{where}: {first.warnings[check]}{more}")
         if self.unresolved:
             lines.append(path_warning(self.unresolved))
-        last = self.states[-1]
-        lines += self.error.warnings
-        return lines + self.ply.contradictions(
-            last.u, last.load_factor, last.parameters
-        )
+        return [
+            *lines,
+            *self.error.warnings,
+            *self.ply.contradictions(self.states),
+        ]
 
     def view(self, **options: Any) -> Any:
         """Show a state in 3D, in Jupyter or in a window; see `skfem_textile.plot.view`.
@@ -271,9 +273,10 @@ class Result:
         negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; for each
         condition displacement_x and displacement_y, the mean over its nodes (mm), and
         reaction_x and reaction_y (N), in space also z; the energy in total and by term,
-        and with `WithFriction` the part of it that is lost; potentials of the loads,
-        and work of reactions and loads along the path (N·mm); shares of stabilisation
-        and deviations in energy, work and reactions.
+        and with friction and clamps the part of it that is lost; potentials of the
+        loads, and work of reactions and loads along the path (N·mm); shares of
+        stabilisation and deviations in energy, work and reactions; for each clamp also
+        the magnitude of its force (N).
         """
         rows, work = [], 0.0
         for state in self.states:
@@ -292,6 +295,10 @@ class Result:
                     vector = vector if turn is None else turn @ vector
                     components = zip("xyz", vector.tolist(), strict=False)
                     row |= {f"{name}_{what}_{axis}": x for axis, x in components}
+            if clamps := self._clamps():
+                from .letting_go import clamp_forces
+
+                row |= clamp_forces(clamps, state)
             row |= _columns(state.shares) | _energies(state) | {"work": work}
             rows.append(row)
         return rows
@@ -330,9 +337,11 @@ class Result:
             how = f"{how}{none}: {error.reason}"
         tension = ply.fibre_tension(u, state.parameters)
         of_load, of_tools = self._figures_of_load(driven), self._figures_of_tools()
+        of_clamps = self._figures_of_clamps()
         in_space = components(ply.basis) == 3
         of_shear = figures_of_shear(ply, u, error) if in_space else {}
-        first = [*of_load.get("first", []), *of_tools.get("first", [])]
+        figures = of_load, of_tools, of_clamps
+        first = [row for one in figures for row in one.get("first", [])]
         if in_space:  # the reason for a missing interval is printed once
             known = of_shear[f"{IN_SPACE.key}_half_width"] is not None
             stated = any(row.get("has_interval") for row in first)
@@ -377,6 +386,7 @@ class Result:
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
             **of_tools,
+            **of_clamps,
             "first": [*first, *(one.declared() for one in (*lost, *OF_PLY, *slip))],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
@@ -422,11 +432,11 @@ class Result:
         state, tools = self.states[-1], self._tools()
         if driven is None and not self.surfaces:
             least = self.ply.nodes.shape[1] * state.tolerance
-            of_tools = [tool.name for tool in tools]
+            others = [x.name for x in (*tools, *self._clamps())]
             pairs = [
                 Driven(name, name, moved, force, half)
                 for name, displacement in state.displacements.items()
-                if name not in of_tools
+                if name not in others
                 for moved, force, half in zip(
                     displacement.tolist(),
                     state.reactions[name].tolist(),
@@ -448,6 +458,16 @@ class Result:
 
     def _tools(self) -> list[ContactTerm]:
         return [x for x in self.ply.terms if isinstance(x, ContactTerm)]
+
+    def _clamps(self) -> list[SupportTerm]:
+        return [x for x in self.ply.terms if isinstance(x, SupportTerm)]
+
+    def _figures_of_clamps(self) -> dict[str, Any]:
+        if not (clamps := self._clamps()):
+            return {}
+        from .letting_go import clamp_figures
+
+        return clamp_figures(clamps, self.states)
 
     def _figures_of_tools(self) -> dict[str, Any]:
         figures: dict[str, Any] = {}

@@ -143,7 +143,6 @@ class EquilibriumSearch:
             raise NoEquilibriumError(
                 "the contact forces do not converge", advice="more steps"
             )
-        active_set.refuse_slip(found.problem, found.u, found.parameters)
         return found
 
     def at_rest(self, start: Evaluation, values: ndarray) -> Trial:
@@ -156,23 +155,46 @@ class EquilibriumSearch:
         shortest step cannot release is then released at once, whatever path the
         iteration takes.
         """
-        unbalanced, u, tangent = start.f, start.u, start.tangent
-        p = start.parameters
+        return self._released(start, start.f, lambda share: share * values)
+
+    def without_clamps(self, start: Evaluation) -> Trial:
+        """State at the load factor of a state at which clamps let go.
+
+        Their forces are released in steps, see `at_rest`.
+        """
+        problem = self.problem.at(start.load_factor)
+        values = problem.constraints.fixed_values(start.load_factor)
+        unbalanced = problem.unfixed(start.f, start.u)
+        return self._released(start, unbalanced, lambda share: values, start)
+
+    def _released(
+        self,
+        start: Evaluation,
+        unbalanced: ndarray,
+        values: Callable[[float], ndarray],
+        before: Evaluation | None = None,
+    ) -> Trial:
+        """State after forces that balance a start are released, see `at_rest`.
+
+        ``values`` returns the fixed unknowns at the share that is released, and
+        ``before`` is the last accepted state.
+        """
+        t, u, p, tangent = start.load_factor, start.u, start.parameters, start.tangent
         done, step, most, projected = 0.0, 1.0, float(MOST_PROJECTED), 0
         stable = tangent is not None and tangent.negative_pivots == 0
         shortest = _SHORTEST_AT_REST[0 if stable else 1]
         while True:
             share = min(1.0, done + step)
             rest = (1.0 - share) * unbalanced
-            begin = self.problem.at(0.0, rest).evaluation(u, p, tangent)
-            target = Target(0.0, 0.0, share * values, begin, None, most, rest)
+            begin = self.problem.at(t, rest).evaluation(u, p, tangent)
+            target = Target(t, 0.0, values(share), begin, before, most, rest)
             try:
                 found = self(target)
             except NoEquilibriumError as failure:
                 flies = failure.advice == HOLD
                 step /= SHORTER_AFTER_FLIGHT if flies else 2
-                if step < shortest:
-                    if stable or most == np.inf or flies:
+                if step < (_SHORTEST_AT_REST[0] if failure.overload else shortest):
+                    if (stable and not before) or most == np.inf or flies:
                         raise
                     step, most = 1.0, np.inf
                 continue
@@ -182,7 +204,18 @@ class EquilibriumSearch:
                 return found
             last = found.next_start()
             u, p, tangent = last.u, last.parameters, last.tangent
+            before = before and last
             done, step = share, 2 * step
+            if self._lets_go(found.parameters, p):
+                unbalanced, done, step = last.f + rest, 0.0, 1.0
+
+    def _lets_go(self, before: PlyParameters, after: PlyParameters) -> bool:
+        """True if a clamp lets go between two values of the parameters."""
+        if not self.problem.clamps or after is before:
+            return False
+        from .letting_go import let_go
+
+        return bool(let_go(before, after))
 
     def _first(self, target: Target) -> Trial:
         """Equilibrium, with the initial parameters, that passes all checks.
@@ -210,6 +243,7 @@ class EquilibriumSearch:
                 failure.elements,
                 _AT_REST if at_rest else failure.advice,
                 failure.quantity,
+                failure.overload,
             ) from None
         return trial
 

@@ -31,14 +31,21 @@ class NoEquilibriumError(Exception):
     quantity
         Quantity at or beyond the end of its law's domain: warp_strain, weft_strain or
         shear_angle; empty if there is none.
+    overload
+        Clamp that would have let go before, see `letting_go.Overload`; or None.
     """
 
     def __init__(
-        self, message: str, elements: Any = (), advice: str = "", quantity: str = ""
+        self,
+        message: str,
+        elements: Any = (),
+        advice: str = "",
+        quantity: str = "",
+        overload: Any = None,
     ) -> None:
         super().__init__(message)
         self.elements = np.asarray(elements, dtype=int)
-        self.advice, self.quantity = advice, quantity
+        self.advice, self.quantity, self.overload = advice, quantity, overload
 
 
 class CheckpointError(ValueError):
@@ -159,14 +166,17 @@ class State:
     u
         Displacement, DOF vector of the ply's basis.
     reactions
-        Force of the support on the ply in N, shape (d,), by condition: the internal
+        Force of the support on the ply in N, shape (d,), by condition, tool and clamp.
+        Of a condition the internal
         forces less the loads at its nodes, along the directions that it fixes.  Where
         conditions share a node, its force is divided among them, a component that two
         of them fix equally, so that the reactions sum to the opposite of the loads.
     displacements
-        Mean displacement of the nodes of the condition in mm, shape (d,), by condition.
+        Mean displacement of the nodes of the condition in mm, shape (d,), by condition;
+        of the edge of a clamp, and travel of a tool.
     energies
-        Energy in N·mm by term, without loads; energy lost by friction is included.
+        Energy in N·mm by term, without loads; energy lost by friction of laws and by
+        clamps that let go is included.
     linear_solves
         Linear solves since the previous state, including abandoned attempts.
     residuals
@@ -190,8 +200,8 @@ class State:
     warnings
         Messages of the checks of `CHECKS` that failed but only warn, by name.
     energy_lost
-        Energy lost by friction so far in N·mm, by term: of laws (`WithFriction`) and
-        of tools with friction.
+        Energy lost so far in N·mm, by term: of laws with friction (`WithFriction`), of
+        tools with friction, and of clamps that let go.
     """
 
     load_factor: float

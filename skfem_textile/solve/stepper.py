@@ -278,8 +278,8 @@ class Run:
                 except NoEquilibriumError as failure:
                     log.info("no equilibrium near the initial guess: %s", failure)
             for t_end in self._stepper.load_factors:
-                while self.states[-1].load_factor < t_end:
-                    self._step(t_end)
+                while self._lets_go or self.states[-1].load_factor < t_end:
+                    self._let_go() if self._lets_go else self._step(t_end)
         except NoEquilibriumError as failure:
             if not self.states:
                 raise
@@ -295,11 +295,8 @@ class Run:
         finally:
             if self.continuation.unresolved:
                 log.warning(path_warning(self.continuation.unresolved))
-            for state in self.states[-1:]:
-                of_terms = problem.ply.contradictions(
-                    state.u, state.load_factor, state.parameters
-                )
-                for warning in of_terms:
+            if self.states:
+                for warning in problem.ply.contradictions(self.states):
                     log.warning(warning)
             if checkpoint:
                 checkpoint.release()
@@ -446,6 +443,10 @@ class Run:
     def _step(self, t_end: float) -> None:
         """Take a step towards a requested load factor, or prepare a shorter one."""
         last, start, problem = self.states[-1], self._start, self.problem
+        if overloads := self.continuation.overloads:
+            from .letting_go import estimated_release
+
+            t_end = min(t_end, estimated_release(problem, self.states, overloads))
         t = self.continuation.end(last.load_factor, t_end)
         step = t - last.load_factor
         driven = self._search.method.follows_path and loads_drive(
@@ -480,6 +481,35 @@ class Run:
                 "the step to load factor %g was difficult and is repeated as two steps",
                 t,
             )
+
+    @property
+    def _lets_go(self) -> list[str]:
+        """Names of the clamps that let go at the last state."""
+        if not self.problem.clamps:
+            return []
+        from .letting_go import let_go
+
+        return let_go(self.states[-1].parameters, self._start.parameters)
+
+    def _let_go(self) -> None:
+        """Find the equilibrium without the clamps that let go at the last state."""
+        from . import letting_go
+
+        last, start, problem = self.states[-1], self._start, self.problem
+        what = letting_go.message(self._lets_go, start.parameters)
+        log.info("load factor %g: %s", last.load_factor, what)
+        try:
+            found = self._search.without_clamps(start)
+        except NoEquilibriumError as failure:
+            failure.args = (f"{what}, and then there is {failure}",)
+            raise
+        parameters = letting_go.with_energy_lost(found, start, last)
+        found = found.after(start, parameters)
+        state, settled = self._reached(found)
+        if not settled or found.projected > (0 if problem.contacts else MOST_PROJECTED):
+            self.continuation.mark(last.load_factor)
+        self.continuation.overloads.clear()
+        self._append(state, found)
 
     def _reached(self, found: Trial) -> tuple[State, bool]:
         """The state, and whether it is independent of the number of steps."""

@@ -12,7 +12,7 @@ the edge.
 """
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import chain
 from typing import TypeAlias
@@ -21,6 +21,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import printable
+from ..ply.parameters import PlyParameters
 from . import active_set
 from .conditions import turned
 from .direction import TINY
@@ -87,6 +88,8 @@ class Trial(Equilibrium):
         Messages of failed checks that only warn, by name.
     converged
         True if updating the parameters at the equilibrium leaves it unchanged.
+    energy_before
+        Energy of the start in N·mm.
     """
 
     problem: Problem
@@ -95,6 +98,7 @@ class Trial(Equilibrium):
     potentials: dict[str, float]
     warnings: dict[str, str] = field(default_factory=dict)
     converged: bool = False
+    energy_before: float = 0.0
 
     @classmethod
     def of(
@@ -103,6 +107,7 @@ class Trial(Equilibrium):
         """Create a trial; a start with other parameters is evaluated again."""
         u, p = equilibrium.u, equilibrium.parameters
         energies, potentials = problem.energies(u, p)
+        energy_before = sum(start.energies.values()) if start else 0.0
         if start and not all(p[k].same_as(x) for k, x in start.parameters.items()):
             start = problem.at(start.load_factor).evaluation(start.u, p)
         return cls(
@@ -111,7 +116,16 @@ class Trial(Equilibrium):
             start=start,
             energies=energies,
             potentials=potentials,
+            energy_before=energy_before,
         )
+
+    def after(self, start: Evaluation, parameters: PlyParameters) -> "Trial":
+        """The same equilibrium after another start, and with other parameters."""
+        mine = {one.name: getattr(self, one.name) for one in fields(Equilibrium)}
+        equilibrium = Equilibrium(**{**mine, "parameters": parameters})
+        trial = Trial.of(self.problem, equilibrium, start)
+        trial.warnings, trial.converged = self.warnings, self.converged
+        return trial
 
     @cached_property
     def move(self) -> ndarray:
@@ -198,6 +212,10 @@ class Trial(Equilibrium):
                     f"first is node {passed[0]}",
                     advice="more steps",
                 )
+        if problem.clamps:
+            from .letting_go import refuse_overload
+
+            refuse_overload(problem, u, self.parameters)
         if not problem.in_domain(u, self.parameters):
             raise problem.beyond(
                 *(u, "a law is evaluated outside its domain"),
@@ -232,6 +250,10 @@ class Trial(Equilibrium):
         problem, u, tangent = self.problem, self.u, self.tangent
         ply = problem.ply
         u.flags.writeable = False  # the run continues from it
+        work = 0.5 * sum(self.works)
+        if self.start and self.start.load_factor == problem.load_factor:
+            # Clamps let go; the energies include the energy lost.
+            work = sum(self.energies.values()) - self.energy_before
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
         tools = active_set.resultants(problem, u, self.parameters)
@@ -251,7 +273,7 @@ class Trial(Equilibrium):
                 min_det_F=float(self.area_ratio.min()),
                 max_fibre_strain=float(np.abs(ply.law_strain(u)).max()),
                 mesh_fibre_strain=float(np.abs(mesh_strain).max()),
-                work=0.5 * sum(self.works),
+                work=work,
             ),
             linear_solves=linear_solves,
             residuals=self.residuals,

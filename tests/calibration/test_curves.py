@@ -116,3 +116,9 @@ def test_a_curve_of_unloading_alone_is_reported():
     warnings = notes(moved[::-1], force[::-1])
     assert "the displacement only decreases" in warnings
     assert "loading and unloading" not in warnings
+
+
+@pytest.mark.parametrize(("n", "swapped"), [(8, False), (9, True)])
+def test_equal_steps_of_a_short_curve_are_by_chance(n, swapped):
+    steps = np.arange(float(n))
+    assert seems_swapped(steps**3, steps) == swapped

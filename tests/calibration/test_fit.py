@@ -6,6 +6,7 @@ from scipy.stats import t as student
 
 from skfem_textile import Linear, Locking, Sin2, Tabulated
 from skfem_textile.calibration import BiasExtension, Simulation, Specimen
+from skfem_textile.calibration.models import crimp_toe, tabulated
 from skfem_textile.calibration.report import data_report, shear_report
 from tests.helpers import fits
 from tests.helpers.fits import BIAS, FRAME, QUINTIC, fit_shear, notes, of_shear
@@ -244,3 +245,9 @@ def test_a_simulation_ends_where_the_measured_angle_shows_slip():
     further = fit_shear([data], "linear", COARSE, up_to=np.radians(40.0))
     assert np.degrees(further.largest_angle) == pytest.approx(40.0, abs=0.5)
     assert "points up to 40.0 degrees are fitted" in notes(further)
+
+
+def test_a_table_ends_beyond_the_data_and_a_crimped_law_has_a_stiffness_at_rest():
+    end = tabulated(0.5, 3).build(np.arange(1.0, 4.0)).domain[1]
+    assert end / 0.5 - 1 == pytest.approx(1e-12, rel=1e-3, abs=0)
+    assert crimp_toe(0.1).build(np.array([1e4, 0.01])).initial_stiffness == 1.0

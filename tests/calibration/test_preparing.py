@@ -13,7 +13,9 @@ from skfem_textile.calibration import (
     Zeros,
     prepare,
 )
-from skfem_textile.calibration.outliers import outliers, overloads
+from skfem_textile.calibration.outliers import outliers, overloads, wild
+from skfem_textile.calibration.reading.motion import _ticks
+from skfem_textile.calibration.reading.recording import rows_text
 from skfem_textile.calibration.report import data_report
 from skfem_textile.calibration.specimens import BELIEVED
 from tests.helpers.fits import BIAS, FRAME, UNKNOWN, fit_shear, noisy, of_shear, pulled
@@ -311,3 +313,23 @@ def test_a_range_is_found_from_any_assumed_slack_near_it():
         for slack in (6.0, 10.0)
     ]
     np.testing.assert_allclose(found[1:], found[:1], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("n", "off", "number"),
+    [(11, 9.0, 0), (12, 9.0, 1), (2000, 3e-3, 0), (2000, 0.03, 1)],
+)
+def test_an_outlier_is_one_of_twelve_rows_and_a_hundredth_of_the_range(n, off, number):
+    force = np.linspace(0.0, 1.0, n)
+    force[n // 2] += off
+    assert outliers(np.arange(n), force).sum() == number
+
+
+def test_a_wild_reading_is_half_of_the_median_off():
+    assert wild(np.array(9 * [1.0] + [1.3, 1.8])).tolist() == 10 * [False] + [True]
+
+
+def test_five_rows_are_listed_and_a_pause_is_three_steps():
+    assert rows_text(range(1, 6)) == "rows 1, 2, 3, 4, 5"
+    assert rows_text(range(1, 8)) == "rows 1, 2, 3, 4, 5 and 2 more"
+    assert [_ticks(np.arange(3), np.arange(3) + 2 + x) for x in (2, 4)] == [True, False]

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from skfem_textile.calibration import (
 )
 from skfem_textile.calibration.report import joint_report, validation_report
 from skfem_textile.calibration.simulation import FIBRES
+from skfem_textile.calibration.validation import _interpolated
 from skfem_textile.cli import fit_report
 from tests.helpers import fits
 from tests.helpers.fits import FRAME
@@ -169,3 +171,10 @@ def test_a_report_says_how_far_a_prediction_is_off_and_where_it_is_inside():
     assert f" N, {100 * off:.1f} % of the largest" in said["Largest difference"]
     assert said["Inside the band of a point"] == "0 %"
     assert said["Largest shear angle"] == "35.0°"
+
+
+@pytest.mark.parametrize(("missing", "is_known"), [(2, True), (3, False)])
+def test_half_widths_of_most_states_are_interpolated(missing, is_known):
+    half = np.append(np.ones(5 - missing), np.full(missing, np.nan))
+    found = SimpleNamespace(half_widths=half, angles=np.arange(5.0))
+    assert np.isfinite(_interpolated(found, np.array([0.5]))).all() == is_known

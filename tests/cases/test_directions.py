@@ -19,9 +19,9 @@ X, Y, TURNED = (1.0, 0.0), (0.0, 1.0), (1.0, 0.1)
     [
         ((X, Y), (X, Y), False),
         ((X, Y), ((-3.0, 0.0), (0.0, -2.0)), False),  # length and sense do not matter
-        ((X, Y), (X, (0.1, 1.0)), True),
+        ((X, Y), (X, (3e-5, 1.0)), True),
         ((X, Y), (TURNED, Y), True),
-        (((1.0, 1e-7), Y), (X, Y), False),
+        (((1.0, 3e-6), Y), (X, Y), False),
         ((X, Y), (Y, X), True),
         ((X, np.outer(Y, np.ones(3))), (X, Y), True),  # of another number of elements
     ],

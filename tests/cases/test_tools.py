@@ -12,7 +12,7 @@ from skfem_textile.cases.tools import between_rows
 from skfem_textile.cases.write import case_text, reference
 from skfem_textile.contact import Holder, contacts
 from skfem_textile.drape import Axes, Die
-from tests.helpers import graph
+from tests.helpers import graph, refused
 from tests.helpers.curves import write_columns
 
 PUNCH = {
@@ -62,6 +62,12 @@ def test_tools_of_a_case_have_friction_and_a_force():
     }
     case = case_from_tables(tables(PUNCH, DIE, rigid | {"compaction": measured}))
     assert case.scene.tools[2].compaction.free == 0.3
+
+
+def test_an_elastic_slip_is_refused_by_its_key():
+    slip = PUNCH | {"friction": 0.1, "elastic_slip_mm": 0.0}
+    message = r"tool_1\.elastic_slip_mm must be a number > 0"
+    refused(lambda: case_from_tables(tables(slip)), message)
 
 
 def test_the_tools_of_a_scene_have_its_friction():

@@ -11,7 +11,7 @@ from skfem_textile import CrimpInterchange, CrimpToe, Linear, Locking, Polynomia
 from skfem_textile.calibration import selection
 from skfem_textile.cases import case_from_tables
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.fit_report import _law_row
+from skfem_textile.cli.fit_report import _call, _law_row, _prediction_row
 from skfem_textile.fabric.files import fabric_text
 from skfem_textile.io import read_fabric
 from tests.helpers.command_line import fit, summary_in
@@ -245,3 +245,14 @@ def test_two_files_of_one_name_have_their_own_pictures(tmp_path, monkeypatch):
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     pictures = re.findall(r'src="([^"]*)" alt="[12]\. pull', text)
     assert len({*pictures}) == 2
+
+
+@pytest.mark.parametrize(("error", "mark"), [(0.005, ""), (0.02, "bad")])
+def test_only_predictions_off_by_more_than_a_machine_are_marked(error, mark):
+    one = {"name": "held", "inside_simultaneous": 0.5, "confirmed": False}
+    assert _prediction_row(one | {"rms_over_largest_force": error})[1] == mark
+
+
+def test_lines_of_python_have_at_most_76_characters():
+    assert "\n" not in _call("Sin2", ["1" * 70])
+    assert _call("Sin2", ["1" * 71]) == f"Sin2(\n    {'1' * 71},\n)"

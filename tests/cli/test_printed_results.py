@@ -10,6 +10,7 @@ import pytest
 from skfem_textile.cases.scenes import SCENES
 from skfem_textile.cli import main as cli
 from skfem_textile.cli import results
+from skfem_textile.cli.output import complain
 from skfem_textile.solve.quantities import Quantity, first_rows
 from tests.helpers.pages import Page
 from tests.helpers.tools import plate, write
@@ -195,3 +196,11 @@ def test_a_load_has_its_interval_or_a_reason(figures, text):
     found = quantity.text(figures)
     assert found.startswith(text)
     assert bool(found) == bool(text)
+
+
+def test_a_complaint_has_at_most_four_hundred_characters(capsys):
+    for n in (400, 401):
+        complain("x" * n)
+    line, shortened = capsys.readouterr().err.splitlines()
+    assert line.endswith(f" {'x' * 400}")
+    assert shortened.endswith(f" {'x' * 200} ... {'x' * 200}")

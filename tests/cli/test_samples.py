@@ -1,18 +1,20 @@
 """Samples of a fabric on the command line: ``run --samples`` and its report."""
 
-import contextlib
 import csv
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from skfem_textile.calibration import Choice, Specimen, fit_tests
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.samples import Sampling
+from skfem_textile.cli import samples
+from skfem_textile.cli.samples import with_bands
 from skfem_textile.io import read_fabric
 from skfem_textile.scenes import Case
+from skfem_textile.solve.quantities import BAND
 from skfem_textile.sweep import ThisThread
 from tests.helpers.command_line import fit, rejected, summary_in
 from tests.helpers.curves import shear_files
@@ -25,8 +27,7 @@ RUN = [
 
 @pytest.fixture(autouse=True)
 def in_this_thread(monkeypatch):
-    executor = contextlib.nullcontext(ThisThread())
-    monkeypatch.setattr(Sampling, "_executor", lambda sampling: executor)
+    monkeypatch.setattr(samples, "WorkerProcesses", lambda n: ThisThread())
 
 
 def rows_of(out):
@@ -69,12 +70,12 @@ def test_the_law_of_a_sample_is_the_one_of_python(tmp_path):
 def test_a_second_run_continues_the_samples_of_the_same_case(tmp_path, monkeypatch):
     out, called, run = tmp_path / "out", [], Case.run
     monkeypatch.setattr(Case, "run", lambda case: called.append(1) or run(case))
-    for samples, further, number in (
+    for drawn, further, number in (
         ("2", [], 2),
         ("3", [], 3),
         ("3", ["--steps", "1"], 6),
     ):
-        assert cli.main([*RUN, *further, "--samples", samples, "--out", str(out)]) == 0
+        assert cli.main([*RUN, *further, "--samples", drawn, "--out", str(out)]) == 0
         assert len(called) == number
 
 
@@ -248,3 +249,10 @@ def test_show_states_laws_sources_and_assumptions(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "band" not in printed
     assert "61.947)\n" in printed  # measured
+
+
+def test_a_figure_that_is_prescribed_has_no_band():
+    bands = {"same": (1.0, 1 + 3e-10), "other": (1.0, 1 + 3e-9)}
+    samples = SimpleNamespace(bands=bands, number=5, stopped=[], probability=0.9)
+    summary = with_bands({"first": []}, samples)
+    assert [x for x in bands if f"{x}{BAND}" in summary] == ["other"]

@@ -12,6 +12,7 @@ from skfem import MeshQuad
 from skfem_textile import (
     Asymmetric,
     BodyForce,
+    Clamp,
     Condition,
     CrimpToe,
     Fabric,
@@ -236,6 +237,7 @@ OF_ARRAYS = {
     "traction": (lambda a: Traction("top", a), np.ones(2)),
     "force": (lambda a: Force(np.array([1]), a), np.ones(2)),
     "loaded nodes": (lambda a: Force(a, (1, 0)), np.array([1, 2])),
+    "clamp": (lambda a: Clamp("top", 1.0, a), np.ones(2)),
     "body force": (BodyForce, np.ones(2)),
     "matrix": (lambda a: MatrixTerm("m", a), np.eye(3)),
     "vector": (lambda a: VectorTerm("v", a), np.ones(3)),

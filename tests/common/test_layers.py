@@ -43,7 +43,7 @@ LAYERS = {
     ),
     "cases": (
         *("io", "scenes", "declarations.scenes", "contact", "nets", "surfaces"),
-        *("outlines", "solve", "ply", "fabric", "declarations", "mesh"),
+        *("outlines", "sweep", "solve", "ply", "fabric", "declarations", "mesh"),
     ),
     "plot": (
         *("io", "contact", "nets", "surfaces", "outlines", "solve", "ply"),

@@ -1,7 +1,9 @@
 """Checks of tools before a run: room between them, sides, contact."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +21,9 @@ from skfem_textile import (
     drape,
 )
 from skfem_textile.contact.checks import check_tools
+from skfem_textile.contact.holder import function_of
+from skfem_textile.contact.obstacle import refuse_extent
+from skfem_textile.contact.outline import is_flat
 from skfem_textile.scenes import (
     Case,
     double_dome_forming,
@@ -133,6 +138,36 @@ def test_tools_beside_the_ply_are_refused():
     tool = Tool(drape.TriangleMesh(x, t), UP, side=1)
     with pytest.raises(ValueError, match=message):
         check_tools(quarter(tool))
+
+
+def test_tools_are_checked_at_41_load_factors():
+    """Pushed by a quarter of the travel at a time, which is a part of them."""
+    factors, amounts = [], []
+    plane = drape.Plane((0, 0, 90))
+
+    def motion(t):
+        factors.append(t)
+        return 0.0, 0.0, t
+
+    with pytest.raises(ValueError, match="nearest is 'far', 90 mm away"):
+        check_tools(ply(Tool(plane, motion=motion, side=-1, name="far")))
+    function_of("gap", lambda t: amounts.append(t) or 1.0, 0.0, " mm")
+    assert np.unique(factors) == pytest.approx(np.linspace(0, 1, 41))
+    assert amounts == pytest.approx(np.linspace(0, 1, 41))
+
+
+@pytest.mark.parametrize(
+    ("size", "text"), [(50, ""), (200, "over 100 times the size of the ply, 120 mm")]
+)
+def test_triangles_of_another_unit_than_the_ply_are_refused(size, text):
+    facets = SimpleNamespace(points=np.diag([120.0 * size, 1, 1]))
+    with pytest.raises(ValueError, match=text) if text else nullcontext():
+        refuse_extent("tool", SimpleNamespace(facets=facets), MESH)
+
+
+@pytest.mark.parametrize(("height", "flat"), [(3e-10, True), (3e-9, False)])
+def test_an_outline_without_area_is_flat(height, flat):
+    assert is_flat(np.array([[0, 1, 1, 0], [0, 0, height, height]])) == flat
 
 
 def test_a_ply_that_a_load_or_support_moves_may_touch_later():

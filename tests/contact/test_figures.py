@@ -36,6 +36,7 @@ from skfem_textile.contact import (
     turn_on_tool,
 )
 from skfem_textile.contact.figures import mirror_images
+from skfem_textile.contact.risks import bridging, wrinkle_risk
 from skfem_textile.io.results import fields_between_tools
 
 R = 50.0
@@ -289,6 +290,35 @@ def test_mirror_images_of_a_part_fit_together_or_are_not_counted(planes, copies)
     ends = dict.fromkeys(planes, "mirror")
     ply = Ply(square(n=1).mesh, Fabric(1.0), dimension=3, fibre_ends=ends)
     assert mirror_images(ply) == copies
+
+
+@pytest.mark.parametrize(("rise", "copies"), [(3e-7, 4), (3e-6, 0)])
+def test_planes_of_symmetry_are_at_right_angles(rise, copies):
+    mesh = MeshQuad(np.array([[0, 1, 1, 0], [0, rise, 1, 1]]), np.arange(4)[:, None])
+    sides = {"left": lambda x: x[0] < 0.1, "bottom": lambda x: x[1] < 0.1}
+    ends = dict.fromkeys(sides, "mirror")
+    mesh = mesh.with_boundaries(sides)
+    ply = Ply(mesh, Fabric(1.0), Full(), dimension=3, fibre_ends=ends)
+    assert mirror_images(ply) == copies
+
+
+@pytest.mark.parametrize(("radius", "bridges"), [(3e4, True), (3e5, False)])
+def test_a_ply_bridges_a_tool_that_pulls_it_at_a_radius(radius, bridges):
+    """Relative to its size: on a flatter tool the pressure is round-off."""
+    ply = square(n=1)
+    u = moved(ply, lambda x, y: (1.1 * x, y, 0))
+    pull = ply.fibre_tension(u).max() / (radius * 60.0)
+    assert bridging(ply, u, np.full(4, -pull)).all() == bridges
+
+
+@pytest.mark.parametrize(("share", "is_at_risk"), [(3e-9, False), (3e-8, True)])
+def test_compression_is_at_risk_beyond_the_wrinkling_angle(share, is_at_risk):
+    """Relative to the tension of the other family, of which a share is round-off."""
+    flat = square(n=1)
+    ply = Ply(flat.mesh, Fabric(10.0, 0.5, wrinkling_angle=0.5), Full(), dimension=3)
+    shortened = 1.0 - share * np.log(1.1)
+    u = moved(ply, lambda x, y: (1.1 * x + 0.8 * shortened * y, 0.6 * shortened * y, 0))
+    assert wrinkle_risk(ply, u).all() == is_at_risk
 
 
 def test_a_tool_that_touches_the_ply_in_no_state_is_named():

@@ -1,6 +1,8 @@
 """Coulomb friction of tools and holders: exact forces, work, jamming and resume."""
 
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,7 +26,6 @@ from skfem_textile import (
 )
 from skfem_textile.contact import Compaction, MeasuredCompaction, tool_history
 from skfem_textile.contact.compaction import RigidHolder
-from skfem_textile.contact.friction import Friction
 from skfem_textile.ply.parameters import Values
 
 PLANE = drape.Plane((0.0, 0.0, 0.0))
@@ -150,50 +151,17 @@ def test_a_loop_dissipates_its_area():
     assert work == pytest.approx(BOUND * (8.0 - 5 * elastic), rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("exact", "pull", "least", "most"),
-    [(True, 0.04, 0, 5e-4), (True, 0.14, 0, 1.5e-3), (False, 0.04, 3e-3, 1)],
-)
-def test_with_exact_stick_a_strip_does_not_slip_below_its_bound(
-    exact, pull, least, most
-):
-    """A pull below 0.15 N/mm moves it by its elastic slip, or hardly at all.
-
-    Near the bound a long step does not converge, and shorter ones do.
-    """
-    stick = {"side": 1, "friction": 0.3, "exact_stick": exact}
-    plate = Tool(PLANE, name="plate", **stick)
+def test_a_strip_slips_elastically_below_its_bound():
+    """A pull of 0.04 of 0.15 N/mm moves it by this share of its elastic slip."""
+    plate = Tool(PLANE, side=1, friction=0.3, name="plate")
     weight = Holder(PLANE, pressure=0.01, side=1, name="weight")
-    load = Traction("right", (pull, 0.0, 0.0))
+    load = Traction("right", (0.04, 0.0, 0.0))
     mesh = grid(50.0, 10.0, 5, 1)
     fabric = Fabric(1e6, 10.0, bending=(1.0, 1.0))
     ply = Ply(mesh, fabric, terms=[plate, weight, load], dimension=3)
     held = {"y": Condition("bottom", (None, 0.0, None))}
     state = LoadStepper(ply, held, steps=1).run().states[-1]
-    contact = next(term for term in ply.terms if term.name == "plate")
-    friction = contact.friction.forces(state.u, 1.0, state.parameters["plate"])
-    assert friction[:, 0].sum() == pytest.approx(10.0 * pull, rel=1e-6)
-    assert least <= np.abs(state.u[::3]).min() <= np.abs(state.u[::3]).max() < most
-
-
-def test_with_exact_stick_only_sliding_nodes_do_work():
-    """A node that sticks keeps a slip of round-off, of either sign."""
-    friction = Friction(
-        lambda t: 0.5,
-        0.05,
-        lambda t: (np.eye(3), np.zeros(3)),
-        lambda u: u.reshape(-1, 3).T,
-        exact_stick=True,
-    )
-    u = np.array([[-0.001, 0.0, 0.0], [0.2, 0.0, 0.0]])
-    values = friction.at_rest(np.zeros(6)) | {
-        "bound": np.ones(2),
-        "normal": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]),
-        "shear": np.array([[0.5, 1.0], [0.0, 0.0], [0.0, 0.0]]),
-    }
-    for slips, work in ((u, 0.2), (u * [[1], [0]], 0.0)):
-        after = friction.advanced(Values(values), slips.ravel(), 1.0)
-        assert after["work"] == pytest.approx(work, abs=1e-15)
+    assert state.u[::3] == pytest.approx(0.02 * 0.04 / 0.15, rel=0.05)
 
 
 # A holder with a force
@@ -432,3 +400,61 @@ def test_a_run_with_friction_is_resumed_bit_for_bit(tmp_path):
         for key, value in values.items():
             assert np.array_equal(resumed.parameters[name][key], value)
     assert whole.parameters["punch"]["bound"].any()
+
+
+# Warnings
+
+
+def pressed_strip(**holder):
+    """Result of a strip that a holder presses on a plate, and a lid far above it."""
+    plate = Tool(PLANE, side=1, friction=0.2, name="plate")
+    lid = Tool(drape.Plane((0, 0, 5.0)), side=-1, friction=0.2, name="lid")
+    holder = Holder(PLANE, side=1, **holder)
+    fabric = Fabric(1e6, 1.0, bending=(1.0, 1.0))
+    terms = [plate, lid, holder]
+    ply = Ply(grid(50.0, 10.0, 2, 1), fabric, terms=terms, dimension=3)
+    held = {"pull": Condition("right", (0.1, 0.0, None))}
+    return LoadStepper(ply, held, steps=1, warn_only=("stabilisation",)).run()
+
+
+def test_friction_of_a_tool_that_touches_nothing_is_a_warning(caplog):
+    result = pressed_strip(pressure=0.01, friction=0.3)
+    expected = "friction of tool 'lid' has no effect: it touches nothing"
+    assert [x for x in result.warnings if "friction" in x] == [expected]
+    assert caplog.text.count(expected) == 1
+    early = [replace(result.states[-1], load_factor=0.5)]
+    assert result.ply.contradictions(early) == []
+
+
+@pytest.mark.parametrize(("force", "beyond"), [(14.0, False), (16.0, True)])
+def test_a_force_beyond_the_last_measured_point_is_a_warning(force, beyond):
+    """The last pressure, 0.03 N/mm², is the pressure of 15 N on 500 mm²."""
+    law = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03))
+    result = pressed_strip(force=force, compaction=law)
+    thickness = tool_history(result)["holder_distance_mm"][-1]
+    expected = (
+        f"force of tool 'holder' compresses the ply to {thickness:.4g} mm: its law of "
+        "compaction ends at 0.2 mm and is extrapolated"
+    )
+    assert [x for x in result.warnings if "compaction" in x] == [expected] * beyond
+
+
+@pytest.mark.parametrize(("outline", "lift"), [(False, 9.0), (True, 9.0), (False, 2.0)])
+def test_pressure_on_a_part_that_is_beyond_the_surface_is_a_warning(outline, lift):
+    """The left half of a ply is lifted through the plane on which a holder presses."""
+    right = [[30, 51, 51, 30], [-1, -1, 11, 11]]
+    plane = drape.Plane((0, 0, 0.1))
+    ring = right if outline else None
+    holder = Holder(plane, pressure=1e-4, side=-1, outline=ring)
+    mesh = grid(50.0, 10.0, 10, 2)  # whose elements of 5 mm are split
+    ply = Ply(mesh, Fabric(1e3, 1.0), terms=[holder], dimension=3)
+    u = np.zeros((ply.nodes.shape[1], 3))
+    u[ply.nodes[0] < 24, 2] = lift
+    values = ply.terms[-1].parameters.updated(Values({}), u.ravel(), 1.0)
+    state = SimpleNamespace(u=u.ravel(), load_factor=1.0, parameters={"holder": values})
+    expected = (
+        "tool 'holder' also presses on a part of the ply that is beyond its surface, "
+        "by up to 8.9 mm: it is over an opening, and needs an outline"
+    )
+    warned = lift > 5 and not outline
+    assert ply.contradictions([state]) == [expected] * warned

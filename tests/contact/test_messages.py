@@ -114,10 +114,6 @@ def test_invalid_laws_of_compaction(make, message):
             r"'punch': friction: elastic_slip must be .* got \[0.1, 0.2\]",
         ),
         (
-            lambda: punch(friction=0.1, exact_stick="no"),
-            "'punch': friction: exact_stick must be True or False, got 'no'",
-        ),
-        (
             lambda: Holder(drape.Plane(), side=1),
             "either a gap, a pressure or a force",
         ),

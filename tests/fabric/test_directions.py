@@ -1,6 +1,7 @@
 """Fibre directions: angles, reference curves, and directions from node numbering."""
 
 import numpy as np
+import pytest
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Ply, split
@@ -11,6 +12,7 @@ from skfem_textile.fabric.directions import (
     directions_warning,
     with_smooth_fields,
 )
+from skfem_textile.fabric.kinematics import rotated
 from tests.helpers import distorted, refused
 
 MESH = distorted(1, (6, 5), 0.25)
@@ -81,6 +83,26 @@ def test_directions_along_first_edges_are_reported_and_fields_are_not():
     )
     constant = directions_of(MESH, Fabric(warp=(1, 1), weft=(-1, 1)))
     assert directions_warning(MESH, constant) == ""
+
+
+@pytest.mark.parametrize(
+    ("degrees", "n_others", "is_told"),
+    [(0.02, 2, True), (0.2, 2, False), (0, 5, False)],
+)
+def test_most_directions_follow_edges_if_they_are_reported(degrees, n_others, is_told):
+    turn = np.radians(np.where(np.arange(30) < n_others, 10.0, degrees))
+    u, v = (np.cos(turn) * x + np.sin(turn) * rotated(x) for x in (EDGES, ACROSS))
+    assert bool(directions_warning(MESH, FibreDirections(u, v))) == is_told
+
+
+@pytest.mark.parametrize(("degrees", "is_told"), [(0.3, False), (3.0, True)])
+def test_directions_along_edges_of_nearly_one_direction_are_accepted(degrees, is_told):
+    x, y = MeshQuad().refined(3).p
+    p = np.array([x, y + np.radians(degrees) * x**2])
+    mesh = MeshQuad(p, MeshQuad().refined(3).t)
+    edges = mesh.p[:, mesh.t[1]] - mesh.p[:, mesh.t[0]]
+    found = directions_warning(mesh, FibreDirections(edges, rotated(edges)))
+    assert bool(found) == is_told
 
 
 def test_directions_from_any_numbering_are_reported():

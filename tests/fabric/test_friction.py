@@ -122,3 +122,9 @@ def test_invalid_friction_is_refused(arguments, message):
 def test_friction_is_added_to_the_whole_law():
     with pytest.raises(ValueError, match="add it to the whole law"):
         TensionOnly(WithFriction(Linear(1e4), [1.0], [1e-3]))
+
+
+def test_an_element_at_its_onset_slips():
+    law = WithFriction(Linear(2.0), (1.0,), (0.1,))
+    below = 0.1 * (1 - np.array([3e-9, 3e-10]))
+    assert law.tangent(below) == pytest.approx([12.0, 2.0])

@@ -24,6 +24,7 @@ from skfem_textile import (
     Tabulated,
     TensionOnly,
 )
+from skfem_textile.fabric.law import mean_slope
 from skfem_textile.fabric.law_check import check_laws
 from skfem_textile.scenes import picture_frame
 
@@ -317,3 +318,16 @@ def test_pretensioned_fibres_lose_crimp_and_become_slack_when_shortened():
     np.testing.assert_allclose(line.value(x), 5.0 + 1e4 * x, atol=1e-11)
     np.testing.assert_allclose(line.energy(x), 5.0 * x + 5e3 * x**2, atol=1e-13)
     assert Pretensioned(Linear(1e4), 0.0).strain_before == 0.0
+
+
+def test_the_mean_slope_is_that_within_one_percent_of_strain():
+    law = Polynomial((0.0, 0.0, 3e6))
+    rise = 1e6 * (0.03**3 - 0.01**3)
+    assert mean_slope(law, np.array([0.02])) == pytest.approx([3 * rise / 0.02])
+
+
+def test_elements_within_a_percent_of_the_end_of_a_law_are_named():
+    fabric, angle = Fabric(1.0, Locking(0.5, 1.0)), np.array([[0.92], [0.915], [0.905]])
+    end = fabric.closest_end(np.zeros((2, 3, 1)), angle)
+    assert [*end.elements] == [0, 1]
+    assert fabric.shear_law.shown == (-0.95, 0.95)

@@ -25,6 +25,7 @@ from skfem_textile import (
 from skfem_textile.fabric import CrimpedYarns, Softening
 from skfem_textile.fabric.directions import AlongCurve, FibreDirections
 from skfem_textile.fabric.files import read_law
+from skfem_textile.fabric.law import refuse_other_units
 from tests.helpers import refused
 
 
@@ -114,7 +115,6 @@ BOTH = CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0)
         (crimp(stiffness=(1.0, -1.0)), "stiffness must be a finite number > 0, got -1"),
         (crimp(crimp=(0.1, np.nan)), "crimp must be a finite number >= 0, got nan"),
         (crimp(crimp=(0.1, 0.1, 0.1)), "crimp must be a number or a pair"),
-        (crimp(crimp=1.0), "a ratio of at most 0.5, such as 0.01 for 1 %, got .1.0,"),
         (crimp(bending=0.0), "bending must be a finite number > 0, got 0.0"),
         (crimp(toe=np.inf), "toe must be a finite number > 0, got inf"),
         (crimp(initial_stiffness=-1), "initial stiffness must be a finite number >= 0"),
@@ -126,7 +126,6 @@ BOTH = CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0)
         (lambda: Fabric((BOTH, 1e4)), "tension: CrimpInterchange is a law of both"),
         (lambda: TensionOnly(BOTH), "law must be a law of one strain"),
         (yarns(crimp=0.0), "crimp"),
-        (yarns(crimp=10.0), "a ratio of at most 1, "),
         (yarns(springs=-1.0), "springs"),
         (yarns(yarns=(1.0, 2.0)), "yarn"),
         (yarns(coupling=np.nan), "coupling"),
@@ -134,6 +133,29 @@ BOTH = CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0)
 )
 def test_a_law_of_both_families_is_refused(call, text):
     refused(call, text)
+
+
+def at_rest(force):
+    return TensionOnly(Tabulated([0, 1e-4], [force, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("call", "accepted", "value", "text"),
+    [
+        (lambda x: refuse_other_units("x", x, "tension"), 0.5, 2.0, "largest strain"),
+        (lambda x: refuse_other_units("x", x, "bending"), 0.5, 2.0, "radius of 1 mm"),
+        (
+            lambda x: refuse_other_units("x", np.pi / 2 * (1 + x), "shear"),
+            *(3e-10, 3e-9, "a right angle"),
+        ),
+        (lambda x: crimp(crimp=x)(), 0.4, 0.6, "at most 0.5, such as 0.01"),
+        (lambda x: yarns(crimp=x)(), 0.8, 1.2, "a ratio of at most 1,"),
+        (at_rest, 3e-10, 3e-9, "must be zero at rest"),
+    ],
+)
+def test_a_value_is_refused_beyond_a_limit(call, accepted, value, text):
+    call(accepted)
+    refused(lambda: call(value), text)
 
 
 # Fabrics and directions

@@ -19,7 +19,13 @@ from skfem_textile import (
     Traction,
 )
 from skfem_textile.fabric.kinematics import rotated
-from skfem_textile.forms.bending import edges_with_fibres, end_edges
+from skfem_textile.forms.bending import (
+    EndEdges,
+    edges_with_fibres,
+    end_edges,
+    excluded_components,
+)
+from skfem_textile.forms.bending_laws import Moments, _ratio
 from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
@@ -393,3 +399,27 @@ def test_fibres_along_an_edge_do_not_end_there(angle, crossing):
     mesh = MeshQuad.init_tensor(np.arange(3.0), np.arange(4.0))
     A = np.tile([[np.cos(angle)], [np.sin(angle)]], mesh.nelements)
     assert end_edges(mesh, A, mesh.boundary_facets()).facets.size == crossing
+
+
+def test_a_kink_between_two_triangles_has_an_exact_energy():
+    """L²D/4|K| of the mean curvatures L/2|K|, and a fifth of the least penalty."""
+    p = np.array([[0.0, 0.0, 3.0, -3.0], [-1.0, 1.0, 0.0, 0.0]])
+    mesh = MeshTri(p, np.array([[0, 0], [1, 1], [2, 3]]))
+    ply = Ply(mesh, Fabric(bending=(D, 0.0)), Quadratic(), dimension=3)
+    energy = ply.energies(lifted(ply, np.maximum(ply.nodes[0], 0.0)))["bending"]
+    assert energy == pytest.approx((0.25 + 0.5 * 0.2 * 1.5) * D * 2.0**2 / 3.0)
+
+
+@pytest.mark.parametrize(("angle", "rank"), [(2.4e-5, 1), (7.7e-5, 2)])
+def test_nearly_parallel_planes_of_symmetry_exclude_one_component(angle, rank):
+    mesh = MeshQuad()
+    facets = np.flatnonzero((mesh.facets == 0).any(axis=0))
+    N = np.array([[1.0, np.cos(angle)], [0.0, np.sin(angle)]])
+    mirrors = EndEdges(facets, N, N, np.ones(2))
+    projector = excluded_components(mesh, mirrors.where([]), mirrors, 2)[0]
+    assert np.trace(projector) == pytest.approx(rank)
+
+
+def test_a_moment_over_a_curvature_of_rounding_is_the_tangent():
+    moments = Moments(np.zeros(2), np.array([6.0, 6.0]), np.array([1.0, 1.0]))
+    assert _ratio(moments, np.array([3e-13, 3e-12])) == pytest.approx([1.0, 2e12])

@@ -19,6 +19,7 @@ from skfem_textile import (
     Quadratic,
     quad_basis,
 )
+from skfem_textile.forms.in_plane import resistance
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import (
     Coupled,
@@ -192,3 +193,16 @@ def test_the_node_order_of_a_cell_has_no_effect():
     one, other = (Ply(m, FABRICS[1], OnePoint(2.0)) for m in (mesh, clockwise))
     u = random_u(one, 7)
     assert one.energy(u) == pytest.approx(other.energy(u), rel=1e-12)
+
+
+def test_the_resistance_is_twice_differentiable_and_zero_where_corners_are_open():
+    J = np.array([0.08, 0.02])
+    for below, above in zip(resistance(J - 1e-12), resistance(J + 1e-12), strict=True):
+        np.testing.assert_allclose(below, above, rtol=1e-8, atol=1e-6)
+    assert resistance(np.array([0.02]))[0] == pytest.approx(np.log(4.0) ** 3)
+    assert all((part == 0).all() for part in resistance(np.array([0.08, 0.5, 3])))
+    grid = np.linspace(-0.5, 0.08, 200)
+    b, slope, curvature = resistance(grid)
+    assert (np.diff(b) < 0).all()
+    assert (slope[:-1] < 0).all()
+    assert (curvature[:-1] > 0).all()

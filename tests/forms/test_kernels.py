@@ -253,6 +253,10 @@ def test_only_element_matrices_with_a_negative_eigenvalue_are_projected():
     found = np.linalg.eigvalsh(projected)
     np.testing.assert_allclose(found, np.maximum(values, 0.0), atol=1e-12)
     np.testing.assert_allclose(projected[0], full[..., 0], atol=1e-12)
+    for share, is_kept in ((3e-13, True), (3e-12, False)):  # of the trace: round-off
+        full = np.diag([-6 * share, 0, 0, 1, 2, 3]).reshape(3, 2, 3, 2)
+        blocks = full[first, :, second][..., None]
+        assert (positive_part(blocks) is blocks) == is_kept
 
 
 @pytest.mark.parametrize("name", ["even", "coupled"])

@@ -1,10 +1,13 @@
 """Fibre directions in files: round trips, Abaqus orientations, and rejected files."""
 
+from contextlib import nullcontext
+
+import meshio
 import numpy as np
 import pytest
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Fabric, LoadStepper, Ply
+from skfem_textile import Fabric, LoadStepper, MeshError, Ply
 from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.io import read_directions, read_mesh, write_directions, write_draped
 from skfem_textile.mesh.selection import named_nodes, with_named_nodes
@@ -177,3 +180,14 @@ def test_a_boundary_of_many_nodes_is_written_once_in_a_deck(tmp_path):
     numbers = [int(x) for line in lines[first:last] for x in line.split(",")]
     expected = np.unique(mesh.facets[:, mesh.boundaries["bottom"]]) + 1
     assert numbers == expected.tolist()
+
+
+@pytest.mark.parametrize(("z", "text"), [(3e-6, ""), (3e-5, "must lie in the plane")])
+def test_directions_lie_in_the_plane_up_to_six_digits(tmp_path, z, text):
+    points, cells = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), [[0, 1, 2]]
+    vectors = {"warp_direction": [[[1, 0, z]]], "weft_direction": [[[0, 1, 0]]]}
+    data = {name: np.array(v, dtype=float) for name, v in vectors.items()}
+    grid = meshio.Mesh(points, [("triangle", cells)], cell_data=data)
+    grid.write(tmp_path / "a.vtu")
+    with pytest.raises(MeshError, match=text) if text else nullcontext():
+        read_directions(tmp_path / "a.vtu")

@@ -1,14 +1,16 @@
 """Files that depart from their format are rejected, and all others are read."""
 
 from base64 import b64encode
+from contextlib import nullcontext
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 from skfem_textile import MeshError
-from skfem_textile.io import read_mesh
+from skfem_textile.io import read_mesh, read_surface
 from skfem_textile.io.file_numbers import BinaryNumbers
 from skfem_textile.io.vtk import decoded, read_uncompressed
 from tests.helpers.decks import POINTS, QUADS
@@ -95,3 +97,20 @@ def test_legacy_files_of_vtk_are_read_or_rejected(tmp_path, version, binary):
     ):
         path.write_bytes(content.replace(old, new, 1))
         refused(path, "m.vtk: ")
+
+
+@pytest.mark.parametrize(("height", "text"), [(3e-10, ""), (3e-9, "in a plane z = c")])
+def test_a_mesh_lies_in_a_plane_up_to_rounding(tmp_path, height, text):
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, height], [0, 1, 0]])
+    meshio.Mesh(points, [("quad", [[0, 1, 2, 3]])]).write(tmp_path / "a.vtu")
+    with pytest.raises(MeshError, match=text) if text else nullcontext():
+        read_mesh(tmp_path / "a.vtu")
+
+
+@pytest.mark.parametrize(("side", "is_told"), [(30.0, True), (50.0, False)])
+def test_the_assumed_unit_of_a_small_tool_is_told(tmp_path, caplog, side, is_told):
+    x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(0, side, 7)] * 2))
+    cells = [("triangle", Delaunay(np.array([x, y]).T).simplices)]
+    meshio.Mesh(np.array([x, y, 0 * x]).T, cells).write(tmp_path / "tool.stl")
+    read_surface(tmp_path / "tool.stl")
+    assert ("the tool is assumed in mm" in caplog.text) == is_told

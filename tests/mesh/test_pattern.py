@@ -59,7 +59,10 @@ def test_a_term_that_couples_further_nodes_is_refused():
     K[0, 8] = K[8, 0] = 1.0  # nodes 0 and 4
     with pytest.raises(ValueError, match="couples nodes that `couples` does not"):
         pattern(()).add(pattern(()).sum([None]), csr_matrix(K), "glue")
-    K[8, 0] = 1 + 1e-6
+    K[8, 0] = 1 + 3e-9
+    with pytest.raises(ValueError, match="couples nodes"):
+        pattern(()).add(pattern(()).sum([None]), csr_matrix(K), "glue")
+    K[8, 0] = 1 + 3e-8
     with pytest.raises(ValueError, match="not symmetric"):
         pattern(()).add(pattern(()).sum([None]), csr_matrix(K), "glue")
 

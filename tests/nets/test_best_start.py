@@ -103,3 +103,8 @@ def test_a_part_that_no_net_covers_is_rejected():
     tool = drape.TriangleMesh(np.hstack([x, other]), np.hstack([t, t + x.shape[1]]))
     with pytest.raises(ValueError, match=r"no net .* misses \d+ % of it, around \("):
         drape.best_start(tool, 30.0, trials=1)
+
+
+@pytest.mark.parametrize(("n", "compared"), [(1500, 1500), (4000, 2000)])
+def test_shear_is_compared_at_up_to_two_thousand_points(n, compared):
+    assert start_search._thinned(np.ones((3, n)), 0).shape == (3, compared)

@@ -8,6 +8,7 @@ from skfem import MeshQuad
 
 from skfem_textile import drape
 from skfem_textile.io import write_pattern
+from skfem_textile.nets.flat_pattern import spaced
 from tests.helpers.tools import SPHERE, on_net, rolled, rolled_ply
 
 
@@ -162,3 +163,10 @@ def test_a_dxf_has_outlines_seams_and_fibres_on_separate_layers(tmp_path, patter
     (warp,) = space.query("LINE[layer=='WARP']")
     along = warp.dxf.end - warp.dxf.start
     assert np.arctan2(along.y, along.x) == pytest.approx(0.4)
+
+
+def test_an_outline_has_at_most_a_million_points():
+    square = np.array([[0.0, 1, 1, 0], [0, 0, 1, 1]])
+    assert spaced(square, 8e-6).shape[1] == 500_000
+    with pytest.raises(ValueError, match="at most 1000000 are allowed"):
+        spaced(square, 2e-6)

@@ -8,6 +8,9 @@ from skfem import MeshQuad, MeshTri
 from skfem_textile import Outline
 from skfem_textile.mesh.checks import with_edges
 from skfem_textile.mesh.selection import with_named_nodes
+from skfem_textile.outlines.drawings.elements import _arc_points
+from skfem_textile.outlines.rings import _is_closed, refuse_too_many, valid_ring
+from skfem_textile.outlines.triangles import refuse_narrow_gaps
 
 SQUARE = np.array([[0.0, 100, 100, 0], [0, 0, 100, 100]])
 
@@ -78,3 +81,39 @@ def test_single_named_nodes_of_a_mesh_are_points():
     mesh = with_named_nodes(mesh, {"stitch": node, "row": np.arange(3)})
     points = Outline.of_mesh(mesh).points
     assert {name: x.tolist() for name, x in points.items()} == {"stitch": [0.5, 0.25]}
+
+
+def square_with_gap(gap):
+    """A square of 10 mm with a hole near its left side."""
+    hole = [(gap, 4), (5, 4), (5, 6), (gap, 6)]
+    return shapely.Polygon([(0, 0), (10, 0), (10, 10), (0, 10)], [hole])
+
+
+@pytest.mark.parametrize(
+    ("call", "accepted", "value", "text"),
+    [
+        (
+            lambda x: valid_ring("ply", [[0, 1, 1 + x, 1, 0], [0, 0, 1, 1 + x, 1]]),
+            *(3e-9, 3e-10, "coincident corners"),
+        ),
+        (lambda x: valid_ring("ply", [[0, 1, 1], [0, 0, x]]), 3e-9, 3e-10, "coinci"),
+        (lambda x: refuse_narrow_gaps(square_with_gap(x), 1.0), 3e-3, 3e-4, "narrow"),
+        (lambda n: refuse_too_many("a.svg", n), 100_000, 100_001, "more than 100000"),
+    ],
+)
+def test_an_outline_is_refused_beyond_a_limit(call, accepted, value, text):
+    call(accepted)
+    with pytest.raises(ValueError, match=text):
+        call(value)
+
+
+def test_a_curve_whose_ends_nearly_meet_is_closed():
+    """Relative to its size, a square of the diagonal 1."""
+    for gap, closed in ((3e-6, True), (3e-5, False)):
+        points = np.array([[0, 0.6, 0.6, 0, 0], [0, 0, 0.8, 0.8, gap]])
+        assert _is_closed(points) == closed
+
+
+def test_an_arc_has_at_most_ten_thousand_segments():
+    assert _arc_points(np.pi, 1.0, 1e-7) == 1 + 3513
+    assert _arc_points(np.pi, 1.0, 1e-12) == 10_001

@@ -46,18 +46,6 @@ def test_forces_and_tangent_are_derivatives_where_corners_close(formulation):
     assert abs(tangent - tangent.T).max() == 0
 
 
-def test_the_resistance_is_twice_differentiable_and_zero_where_corners_are_open():
-    J = np.array([RESISTING, RESISTING / 4])
-    for below, above in zip(resistance(J - 1e-12), resistance(J + 1e-12), strict=True):
-        np.testing.assert_allclose(below, above, rtol=1e-8, atol=1e-6)
-    assert all((part == 0).all() for part in resistance(np.array([RESISTING, 0.5, 3])))
-    grid = np.linspace(-0.5, RESISTING, 200)
-    b, slope, curvature = resistance(grid)
-    assert (np.diff(b) < 0).all()
-    assert (slope[:-1] < 0).all()
-    assert (curvature[:-1] > 0).all()
-
-
 def test_the_area_ratio_at_corners_is_the_determinant_of_the_gradient():
     for formulation in FORMULATIONS:
         ply = Ply(distorted_for(formulation, 4), Fabric(1.0), formulation)

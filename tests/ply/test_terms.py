@@ -2,6 +2,7 @@
 
 import pickle
 from copy import deepcopy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -300,4 +301,7 @@ def test_terms_are_checked_at_the_last_state(spring, part, caplog):
 def test_terms_of_the_package_are_not_evaluated_again(monkeypatch):
     ply = Ply(MeshQuad().refined(1), Fabric(1e4), terms=[BodyForce((0.0, 1.0))])
     monkeypatch.setattr(type(ply.further_terms[0]), "energy", None)
-    assert ply.contradictions(ply.basis.zeros(), 1.0, ply.parameters_at_rest) == []
+    at_rest = SimpleNamespace(
+        u=ply.basis.zeros(), load_factor=1.0, parameters=ply.parameters_at_rest
+    )
+    assert ply.contradictions([at_rest]) == []

@@ -3,7 +3,9 @@
 import csv
 import json
 import re
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from skfem_textile.scenes import (
     forming,
     hemisphere_forming,
 )
+from skfem_textile.scenes.forming import _refuse_units
 from tests.helpers import graph
 
 CELLS = {"size": (3, 3)}
@@ -331,3 +334,15 @@ def test_forming_runs_from_the_command_line(files, tmp_path, monkeypatch):
     assert run(out / "case.toml", "--out", again, "--no-render") == 0
     same = json.loads((again / "summary.json").read_text())
     assert same["reaction_z"] == figures["reaction_z"]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "text"), [(15.0, ""), (25.0, "the punch extends over 25 mm and the die")]
+)
+def test_a_punch_and_a_die_in_two_units_are_refused(ratio, text):
+    punch, die = (
+        SimpleNamespace(facets=SimpleNamespace(points=np.diag([x, 1.0, 1.0])))
+        for x in (ratio, 1.0)
+    )
+    with pytest.raises(ValueError, match=text) if text else nullcontext():
+        _refuse_units(punch, die)

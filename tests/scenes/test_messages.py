@@ -1,5 +1,8 @@
 """Invalid meshes, sides, angles and moves of scenes are refused by name."""
 
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from skfem import MeshHex, MeshQuad
@@ -16,7 +19,8 @@ from skfem_textile.scenes import (
     strip,
     trellis,
 )
-from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.scenes.drape import _refuse_sizes
+from skfem_textile.scenes.rectangle import in_planes, rectangle
 from skfem_textile.scenes.trellis import sheared
 
 STEEP = {"warp": np.radians(60), "weft": np.radians(120)}
@@ -140,3 +144,20 @@ def test_a_scene_is_refused(make, arguments, text):
         make(**arguments)
     if not isinstance(arguments.get("mesh", ""), str):
         assert isinstance(raised.value, MeshError)
+
+
+@pytest.mark.parametrize(
+    ("area", "text"),
+    [(1.5, ""), (3.0, "a smaller ply"), (3e-5, ""), (3e-6, "a larger ply")],
+)
+def test_a_ply_of_another_size_than_its_tool_is_refused(area, text):
+    ply = MeshQuad().scaled(area**0.5)
+    with pytest.raises(ValueError, match=text) if text else nullcontext():
+        _refuse_sizes(SimpleNamespace(area=1.0), ply)
+
+
+@pytest.mark.parametrize(("off", "text"), [(3e-7, ""), (3e-6, "at the origin")])
+def test_a_quarter_is_at_the_origin_up_to_rounding(off, text):
+    mesh = rectangle(1, 1, (2, 2)).translated((off, 0.0))
+    with pytest.raises(MeshError, match=text) if text else nullcontext():
+        in_planes("hemisphere", mesh)

@@ -90,3 +90,14 @@ def test_a_case_with_loads_has_no_exact_solution():
 def test_invalid_settings_are_rejected_by_the_constructor_of_the_stepper():
     with pytest.raises(ValueError, match="unknown solver 'abacus'"):
         case(solver="abacus").stepper()
+
+
+@pytest.mark.parametrize(
+    ("rise", "turn", "is_bias"),
+    [(-3e-7, 3e-7, True), (-3e-6, 0.0, False), (0.0, 3e-6, False)],
+)
+def test_a_bias_test_is_recognised_up_to_rounding(rise, turn, is_bias):
+    mesh = rectangle(50, 100 * (1 + rise), (3, 6), "aligned")
+    moves = [("bottom", (0, 0)), ("top", (0, 5))]
+    fibres = {"warp": np.pi / 4, "weft": 3 * np.pi / 4 + turn}
+    assert (specimen(mesh, moves=moves, **fibres).shear_test is not None) == is_bias

@@ -1,5 +1,7 @@
 """Load programmes, energy lost over cycles, and conditions that end."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from skfem import MeshQuad
@@ -21,6 +23,7 @@ from skfem_textile import (
 )
 from skfem_textile.fabric import along
 from skfem_textile.scenes import bias_extension, picture_frame
+from skfem_textile.solve.release import release_of
 
 ELASTIC = Locking(0.5, np.radians(65.0))
 LAW = WithFriction(ELASTIC, [0.02, 0.03, 0.05], [0.02, 0.1, 0.4])
@@ -270,3 +273,17 @@ def test_an_end_of_all_conditions_is_refused():
     ply = Ply(MeshQuad().with_defaults(), Fabric(1e4, 1.0), FULL)
     with pytest.raises(ValueError, match="no condition remains beyond the load factor"):
         LoadStepper(ply, {"bottom": Condition("bottom", until=0.5)}, 2)
+
+
+@pytest.mark.parametrize(("off", "ends"), [(3e-10, True), (3e-9, False)])
+def test_a_condition_ends_at_a_load_factor_of_a_step(off, ends):
+    ply = Ply(MeshQuad().with_defaults(), Fabric(1e4, 1.0), FULL)
+    conditions = {"left": Condition("left", until=0.5 + off), "top": Condition("top")}
+    with nullcontext() if ends else pytest.raises(ValueError, match="within a step"):
+        assert release_of(ply.basis, conditions, [0.5, 1.0]) is not None
+
+
+def test_a_programme_is_exact_at_the_rounded_ends_of_its_parts():
+    programme = Programme([1.0, 0.0])
+    assert programme(0.5 + 4e-16) == 1.0
+    assert programme(0.5 + 4e-15) < 1.0

@@ -30,7 +30,7 @@ from skfem_textile.solve.linear import (
 )
 from skfem_textile.solve.linear import solver as linear
 from skfem_textile.solve.linear.petsc import PREFIX
-from skfem_textile.solve.linear.scaling import Scaling
+from skfem_textile.solve.linear.scaling import Scaling, refuse_round_off
 from skfem_textile.solve.linear.solver import SolverEntry
 from skfem_textile.solve.linear.superlu import SuperLU
 from skfem_textile.solve.problem import Problem, reduced
@@ -559,3 +559,9 @@ def test_an_iterative_method_leads_to_the_same_state():
         u = stepper.run().u
     assert stepper.problem.system.solver._analysed.iterative
     np.testing.assert_allclose(u, LoadStepper(*pulled(0.3), 1).run().u, atol=1e-9)
+
+
+def test_pivots_of_rounding_are_refused():
+    refuse_round_off(np.array([1.0, 3e-12]))
+    with pytest.raises(SingularMatrixError):
+        refuse_round_off(np.array([1.0, 3e-13]))

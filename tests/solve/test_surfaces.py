@@ -1,5 +1,6 @@
 """Surfaces in a run: inconsistent ones are refused, a run ends where they end."""
 
+from contextlib import nullcontext
 from functools import partial
 
 import numpy as np
@@ -16,6 +17,7 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
+from skfem_textile.solve.continuation import path_warning
 from skfem_textile.solve.on_surface import check_surface
 from skfem_textile.surfaces.surface import (
     GrowingSurface,
@@ -209,3 +211,22 @@ def test_a_run_stops_at_the_last_state_before_its_surface_ends(error, low):
     with pytest.raises(StepError, match=text) as stop:
         LoadStepper(ply(cells=2, bending=(5.0, 5.0)), held, 2, max_halvings=1).run()
     assert "\n" not in str(stop.value)
+
+
+@pytest.mark.parametrize(
+    ("height", "lean", "text"),
+    [
+        (3e-5, 3e-5, ""),
+        (3e-4, 0.0, "is 0.0003 mm away"),
+        (0.0, 3e-4, "is inclined by 0.017°"),
+    ],
+)
+def test_a_surface_that_grows_touches_the_plane_of_the_ply(height, lean, text):
+    plane = drape.Plane((0.0, 0.0, height), (lean, 0.0, 1.0))
+    with pytest.raises(ValueError, match=text) if text else nullcontext():
+        OnSurface(plane).at("tool", 0.5)
+
+
+def test_a_warning_lists_five_load_factors():
+    assert "0.4, 0.5: " in path_warning(0.1 * np.arange(1, 6))
+    assert "0.4, 0.5, ...: " in path_warning(0.1 * np.arange(1, 7))

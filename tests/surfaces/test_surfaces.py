@@ -13,6 +13,7 @@ from skfem_textile.surfaces.surface import (
     OffSurfaceError,
     is_on,
     onto,
+    tangents,
 )
 from tests.helpers import sphere
 from tests.helpers.tools import plate
@@ -208,3 +209,23 @@ def test_derivatives_at_the_same_points_are_computed_once(monkeypatch):
     for values in (gradient, hessian):
         with pytest.raises(ValueError, match="read-only"):
             values[0] = 0.0
+
+
+@pytest.mark.parametrize(
+    ("normal", "first", "expected"),
+    [
+        ((1.0, 0.0, -0.003), (0, 1, 0), (0, 0, 1)),  # a vertical wall: from outside
+        ((1.0, 0.0, -0.03), (0, 1, 0), (0, 0, -1)),  # seen from above
+    ],
+)
+def test_an_inclined_plane_is_seen_from_above(normal, first, expected):
+    point = np.zeros(3)
+    y = tangents(drape.Plane(point, normal), point, first)[:, 1]
+    assert y == pytest.approx(expected, abs=0.04)
+
+
+@pytest.mark.parametrize(("lean", "x_axis"), [(0.006, (0, 0, 1)), (0.05, (0, -1, 0))])
+def test_the_axes_of_a_wall_normal_to_x_follow_z(lean, x_axis):
+    point = np.zeros(3)
+    axes = drape.Axes.at(drape.Plane(point, (1.0, lean, 0.0)), point)
+    assert axes.turn[:, 0] == pytest.approx(x_axis, abs=0.06)

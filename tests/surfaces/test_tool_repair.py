@@ -164,7 +164,8 @@ def test_flipped_triangles_are_turned_to_the_side_of_most(share, scatter):
     wrong = flipped(t, share)
     turned = (wrong != t).any(axis=0).sum()
     tool = drape.TriangleMesh(*soup(x, wrong, scatter))
-    assert remark(tool, "turned").startswith(f"{turned} of {t.shape[1]} triangles")
+    text = f"{turned} of {t.shape[1]} triangles turned to the side of the others"
+    assert remark(tool, "turned") == text
     points = above(x)
     np.testing.assert_allclose(tool.level(points), CLEAN.level(points), atol=0.02)
 
@@ -231,6 +232,24 @@ def test_both_sides_of_a_thick_part_remain():
     np.testing.assert_allclose(tool.level(x), CLEAN.level(x), atol=1e-9)
 
 
+@pytest.mark.parametrize(("share", "is_told"), [(3e-5, False), (3e-4, True)])
+def test_a_part_of_a_small_share_of_the_area_is_not_counted(share, is_told):
+    x, t = SMALL["plate"]
+    side = np.sqrt(2 * share * 80.0 * 60.0)
+    part = np.array([[200, 200 + side, 200], [0, 0, side], [0, 0, 0]])
+    triangles = np.column_stack([t, x.shape[1] + np.arange(3)])
+    remarks = drape.TriangleMesh(np.hstack([x, part]), triangles).remarks
+    assert any("2 separate parts" in line for line in remarks) == is_told
+
+
+def test_one_edge_of_three_triangles_is_told():
+    x, t = BONNET
+    fin = np.append(t[:2, 100], x.shape[1])
+    tip = x[:, t[:2, 100]].mean(axis=1) - [0, 0, 9]
+    tool = drape.TriangleMesh(np.column_stack([x, tip]), np.column_stack([t, fin]))
+    assert remark(tool, "two triangles").startswith("1 edge(s) belong to more")
+
+
 def test_holes_are_reported_with_their_place():
     x, t = ring()
     line = remark(drape.TriangleMesh(np.add(x, [[7], [0], [0]]), t), "hole")
@@ -238,7 +257,7 @@ def test_holes_are_reported_with_their_place():
     assert "251 mm around (7, 0, 0) mm" in line
 
 
-@pytest.mark.parametrize("wrong", [1e30, -1e9, np.nan, np.inf])
+@pytest.mark.parametrize("wrong", [1e30, -2e5, np.nan, np.inf])
 def test_a_coordinate_that_is_not_sane_is_named(wrong):
     x, t = saddle()
     x[1, 17] = wrong

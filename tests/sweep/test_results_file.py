@@ -109,6 +109,8 @@ def test_damaged_lines_are_reported_and_their_cases_repeated(out, thread, caplog
     torn = name in ("torn", "without its end")
     kept = content[: content.rindex(b"\n") + 1] if torn else content
     assert out.read_bytes().startswith(kept)
+    if torn:
+        assert len(lines(out)) == 6
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from collections import Counter
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from functools import partial
-from importlib import import_module
 from threading import Event
 
 import pytest
@@ -212,15 +211,23 @@ def test_five_of_many_failures_are_named_and_all_are_counted(thread):
     assert len(raised.value.failed) == 50
 
 
-def test_cases_are_drawn_as_they_are_needed(monkeypatch):
-    module = import_module("skfem_textile.sweep")
-    monkeypatch.setattr(module, "_MAX_PENDING", 8)
+class Holds(Executor):
+    """The first result arrives with the 4096th case."""
+
+    def __init__(self):
+        self.calls = []
+
+    def submit(self, fn, /, *args, **kwargs):
+        self.calls.append(Future())
+        if len(self.calls) == 4096:
+            self.calls[0].set_result("first")
+        return self.calls[-1]
+
+
+def test_cases_are_drawn_as_they_are_needed():
     counter = iter(range(9999))
-    with ThreadPoolExecutor(2) as executor:
-        results = sweep(calls.square, counter, executor)
-        assert len(list(itertools.islice(results, 100))) == 100
-        results.close()
-    assert next(counter) <= 108
+    assert next(sweep(calls.square, counter, Holds())) == (0, "first")
+    assert next(counter) == 4096
 
 
 @pytest.mark.slow

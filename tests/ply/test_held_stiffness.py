@@ -31,6 +31,8 @@ def test_stiffnesses_are_shares_of_the_fibres_without_shear_stiffness():
     """At any tension and angle."""
     G, T = np.array(0.0), np.array(3.0)
     assert stabilisation_stiffness(G, np.array(1e4), T, np.array(0.5)) == 1.0
+    little = stabilisation_stiffness(G + 1e-10, np.array(1e4), 0 * T, np.array(0.5))
+    assert little == pytest.approx(np.exp(-1))
     assert deviation_stiffness(1000.0, G, np.array(1e4), T) == 5e3
     assert deviation_stiffness(1000.0, G, np.array(0.0), T) == 0.0
 
@@ -56,6 +58,8 @@ def test_the_stiffness_of_shear_is_its_secant_at_any_small_angle():
     law = Polynomial((1.0, 0.0, 1e10))
     secants = shear_stiffness(law, np.array([0.0, 1e-5, -2e-5]))
     np.testing.assert_allclose(secants, [1.0, 2.0, 5.0], rtol=1e-9)
+    steep = Polynomial((1.0, 0.0, 1e12))
+    assert shear_stiffness(steep, np.array([3e-7, 3e-6])) == pytest.approx([1, 10])
     softening = Polynomial((1.0, 0.0, -1e10))
     assert shear_stiffness(softening, np.array(2e-5)) == pytest.approx(0.1)
 

@@ -1,0 +1,414 @@
+"""Clamps: springs along an edge that let go at a force."""
+
+import logging
+import re
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Clamp,
+    Condition,
+    Fabric,
+    Force,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Programme,
+    Quadratic,
+    StepError,
+    Tool,
+    Traction,
+    drape,
+)
+from skfem_textile.fabric import CrimpToe
+
+WIDTH, LENGTH = 10.0, 20.0
+K, F = 50.0, 30.0
+FABRIC, ONE_POINT = Fabric(1e3, 1.0), OnePoint()
+PULLED = {"bottom": Condition("bottom", (0.0, -1.0))}
+
+
+def strip(*terms, fabric=FABRIC, formulation=ONE_POINT, half=False):
+    x = np.linspace(0, WIDTH / (1 + half), 3 - half)
+    mesh = MeshQuad.init_tensor(x, np.linspace(0, LENGTH, 5)).with_defaults()
+    return Ply(mesh, fabric, formulation, terms)
+
+
+def run(ply, conditions=PULLED, steps=1, **options):
+    return LoadStepper(ply, conditions, steps, **options).run()
+
+
+def let_go(result, name="clamp"):
+    """Load factor and force at which a clamp lets go, and the states around it."""
+    p = result.states[-1].parameters[name]
+    at = float(p["released_at"])
+    before, after, *_ = [x for x in result.states if x.load_factor == at]
+    return at, float(p["release_force"]), before, after
+
+
+@pytest.mark.parametrize("formulation", [OnePoint(), Macro(), Quadratic()], ids=repr)
+def test_force_is_stiffness_times_displacement(formulation):
+    """Also on edges of different lengths; the support carries the opposite force."""
+    x = np.array([0.0, 1.0, 4.0, 10.0])
+    mesh = MeshQuad.init_tensor(x, np.linspace(0, LENGTH, 5)).with_defaults()
+    ply = Ply(mesh, FABRIC, formulation, [Clamp("top", K)])
+    state = run(ply).states[-1]
+    travel, force = state.displacements["clamp"], state.reactions["clamp"]
+    assert force == pytest.approx(-K * travel, rel=1e-12, abs=1e-12)
+    assert force == pytest.approx(-state.reactions["bottom"], rel=1e-9, abs=1e-9)
+    assert state.energies["clamp"] == pytest.approx(0.5 * K * travel @ travel, rel=1e-9)
+    # In series with the strip, whose tension is E ε per deformed length.
+    strain = np.log(1 + (1 + travel[1]) / LENGTH)
+    tension = 1e3 * strain / np.exp(strain) * WIDTH
+    assert force[1] == pytest.approx(tension, rel=1e-9)
+
+
+def test_energy_is_stationary_at_the_equilibrium():
+    ply = strip(Clamp("top", K, direction=(1.0, 2.0)), Traction("top", (0.3, 0.5)))
+    u = run(ply).u
+    rng = np.random.default_rng(1)
+    moving = 1e-4 * rng.standard_normal(len(u))
+    moving[ply.basis.get_dofs("bottom")] = 0.0
+    ends = [ply.energy(u + x * moving) for x in (-1, 0, 1)]
+    assert min(ends[0], ends[2]) > ends[1]
+    assert abs(ends[2] - ends[0]) < 1e-2 * (ends[0] + ends[2] - 2 * ends[1])
+
+
+def test_a_clamp_along_a_direction_leaves_the_others_free():
+    """A force along them moves the ply as if there were no clamp."""
+    across = Force("top", (0.01, 0.0))
+    free = run(strip(across)).u
+    held = run(strip(across, Clamp("top", 1e3, direction=(0.0, -3.0)))).states[-1]
+    assert held.reactions["clamp"][0] == 0.0
+    term = strip(Clamp("top", 1e3, direction=(0.0, -3.0))).terms[-1]
+    sideways = np.zeros_like(free)
+    sideways[::2] = 1.0
+    assert not term.residual(sideways, 1.0).any()
+    ply = strip(Clamp("top", 1e3, direction=(1.0, 1.0)))
+    force = run(ply).states[-1].reactions["clamp"]
+    assert force[0] == pytest.approx(force[1], rel=1e-12)
+
+
+def test_a_stiff_clamp_approaches_a_condition_as_one_over_its_stiffness():
+    held = PULLED | {"top": Condition("top")}
+    exact = run(strip(), held).u
+    off = [np.abs(run(strip(Clamp("top", k))).u - exact).max() for k in (1e5, 1e6, 1e7)]
+    assert np.log10(off[:-1]) - np.log10(off[1:]) == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_preload_pulls_the_edge_until_the_springs_are_slack():
+    hung = {"bottom": Condition("bottom")}
+    ply = strip(Clamp("top", K, direction=(0, 1), preload=F))
+    state = run(ply, hung).states[0]
+    force = state.reactions["clamp"][1]
+    assert force == pytest.approx(F - K * state.displacements["clamp"][1], rel=1e-12)
+    assert 0.9 * F < force < F
+
+
+STIFFENING = Fabric(CrimpToe(1e3, 0.02, 20.0), 1.0)
+
+
+@pytest.mark.parametrize("steps", [1, 5, 20, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("fabric", [FABRIC, STIFFENING], ids=["linear", "stiffening"])
+def test_a_clamp_lets_go_within_one_per_cent_of_its_force(fabric, steps):
+    """At the same load factor, whatever the number of steps, also of a stiff law."""
+    result = run(strip(Clamp("top", K, release=F), fabric=fabric), steps=steps)
+    at, force, before, after = let_go(result)
+    assert F <= force <= 1.01 * F
+    assert np.linalg.norm(before.reactions["clamp"]) == pytest.approx(force, rel=1e-12)
+    assert not after.reactions["clamp"].any()
+    assert result.converged
+    rows = result.history()
+    assert max(row["clamp_force_N"] for row in rows) == pytest.approx(force)
+    assert 0 < at < 1
+
+
+def test_the_load_factor_of_release_does_not_depend_on_the_steps():
+    ply = strip(Clamp("top", K, release=F), fabric=STIFFENING)
+    at = [let_go(run(ply, steps=n))[0] for n in (1, 2, 7)]
+    assert np.ptp(at) < 0.01 * max(at)
+
+
+@pytest.mark.parametrize("release", [1.0, 3.0])
+def test_a_release_far_from_the_end_of_a_step_takes_one_further_state(release):
+    """Of a stiffening ply, whose force is far from linear in the first steps."""
+    result = run(strip(Clamp("top", K, release=release), fabric=STIFFENING), steps=5)
+    assert len(result.states) <= 6 + 2 + 1
+
+
+def test_after_its_release_the_ply_is_as_without_the_clamp():
+    loads = Traction("top", (0.02, 0.1)), Traction("right", (0.05, 0.0))
+    ply = strip(*loads, Clamp("top", K, release=2.0))
+    result = run(ply, steps=5)
+    without = run(strip(*loads), steps=5)
+    assert let_go(result)[0] < 1
+    assert result.u == pytest.approx(without.u, abs=1e-9)
+    assert result.states[-1].reactions["bottom"] == pytest.approx(
+        without.states[-1].reactions["bottom"], rel=1e-9
+    )
+
+
+def test_the_energy_lost_is_that_of_the_springs_and_of_the_ply():
+    """Which is stress-free after the release of its only other support."""
+    result = run(strip(Clamp("top", K, release=F)), steps=20)
+    _, force, before, after = let_go(result)
+    lost = after.energy_lost["clamp"]
+    assert lost == pytest.approx(sum(before.energies.values()), rel=1e-9)
+    in_series = 0.5 * force**2 * (1 / K + LENGTH / (1e3 * WIDTH))
+    assert lost == pytest.approx(in_series, rel=0.01)  # of a linear strip
+    moved = [x.displacements["bottom"][1] for x in result.states]
+    pull = [x.reactions["bottom"][1] for x in result.states]
+    assert np.trapezoid(pull, moved) == pytest.approx(lost, rel=1e-3)
+    assert result.summary()["energy_lost"] == lost
+    work = result.history()[-1]["work"]
+    assert work == pytest.approx(sum(result.states[-1].energies.values()), rel=1e-3)
+
+
+def test_loads_that_go_on_acting_do_work_on_the_way():
+    """Energies with the energy lost, and potentials, have the same sum before it."""
+    loads = Traction("top", (0.0, 0.4), factor=1.0)
+    ply = strip(loads, Clamp("top", K, release=F))
+    _, _, before, after = let_go(run(ply, steps=10))
+    total = [sum((x.energies | x.potentials).values()) for x in (before, after)]
+    assert total[0] == pytest.approx(total[1], rel=1e-9)
+    assert after.verdict.work == pytest.approx(
+        before.potentials["traction on top"] - after.potentials["traction on top"]
+    )
+
+
+def test_two_clamps_let_go_one_after_the_other():
+    """The second takes over the force of the first, at once if it is too weak."""
+    sides = [
+        Clamp("top", K, release=F, within=(0, 0, 5, LENGTH), name="left"),
+        Clamp("top", K, release=1.2 * F, within=(5, 0, 10, LENGTH), name="right"),
+    ]
+    pulled = {"bottom": Condition("bottom", (0.0, -4.0))}
+    result = run(strip(*sides, fabric=Fabric(1e3, 20.0)), pulled, steps=4)
+    first, second = let_go(result, "left"), let_go(result, "right")
+    assert F <= first[1] <= 1.01 * F
+    assert 1.2 * F <= second[1] <= 1.01 * 1.2 * F
+    assert first[0] <= second[0]
+    lost = result.states[-1].energy_lost
+    assert lost["left"] > 0 < lost["right"]
+    assert sum(result.states[-1].energies.values()) == pytest.approx(
+        sum(lost.values()), rel=1e-6
+    )
+
+
+def test_a_clamp_that_another_one_overloads_lets_go_on_the_way():
+    """While the force of the first decreases; the work check holds there too."""
+    both = [
+        Clamp("top", K, direction=(0, 1), release=F, name="first"),
+        Clamp("top", 0.95 * K, direction=(0, 1), release=F, name="second"),
+    ]
+    result = run(strip(*both), {"bottom": Condition("bottom", (0.0, -2.0))}, steps=3)
+    (t, *_), (other, force, *_) = let_go(result, "first"), let_go(result, "second")
+    assert t == other
+    assert F <= force <= 1.01 * F
+    lost = result.states[-1].energy_lost
+    before = next(x for x in result.states if x.load_factor == t)
+    assert sum(lost.values()) == pytest.approx(sum(before.energies.values()), rel=1e-9)
+    assert "work" not in result.states[-1].warnings
+
+
+def test_half_a_ply_has_half_the_clamp():
+    mirror = {"left": Condition("left", (0.0, None))}
+    whole = run(strip(Clamp("top", K, release=F, direction=(0, 1))), steps=5)
+    half = strip(Clamp("top", K / 2, release=F / 2, direction=(0, 1)), half=True)
+    part = run(half, PULLED | mirror, steps=5)
+    (t, force, *_), (t_half, of_half, *_) = let_go(whole), let_go(part)
+    assert t_half == pytest.approx(t, rel=1e-9)
+    assert 2 * of_half == pytest.approx(force, rel=1e-9)
+
+
+def test_a_released_clamp_does_not_hold_again():
+    pulled = {"bottom": Condition("bottom", (0.0, -1.0), factor=Programme([1, 0, 1]))}
+    result = run(strip(Clamp("top", K, release=F)), pulled, steps=6)
+    at, _, _, after = let_go(result)
+    later = [x for x in result.states if x.load_factor > at]
+    assert not any(x.reactions["clamp"].any() for x in [after, *later])
+    assert after.energies["clamp"] == later[-1].energies["clamp"] > 0
+
+
+def test_a_load_at_rest_may_release_a_clamp():
+    """Of two that carry a load of 10 N; the other one then carries it alone."""
+    weight = Traction("bottom", (0, -1.0), factor=1.0)
+    clamps = Clamp("top", K, release=4.0), Clamp("top", K, name="other")
+    held = {"x": Condition("top", 0.0, direction=(1, 0))}
+    result = run(strip(weight, *clamps), held, steps=2)
+    summary = result.summary()
+    assert summary["clamp_released_at"] == 0
+    assert 4 <= summary["clamp_release_force_N"] <= 1.01 * 4
+    assert result.states[0].reactions["other"][1] == pytest.approx(10.0)
+    assert result.states[0].energy_lost["clamp"] > 0
+
+
+def test_an_initial_guess_that_overloads_a_clamp_is_not_used():
+    ply = strip(Clamp("top", K, release=F))
+    guess = run(strip(Clamp("top", K))).u
+    result = run(ply, steps=2, initial_guess=guess)
+    assert F <= let_go(result)[1] <= 1.01 * F
+
+
+def test_it_says_in_one_line_when_a_clamp_lets_go(caplog):
+    with caplog.at_level(logging.INFO, "skfem_textile"):
+        result = run(strip(Clamp("top", K, release=F, name="gripper")))
+    lines = [x.getMessage() for x in caplog.records if "lets go at" in x.getMessage()]
+    assert len(lines) == 1
+    assert re.fullmatch(
+        r"load factor 0\.\d+: clamp 'gripper' lets go at 30\.\d* N", lines[0]
+    )
+    summary = result.summary()
+    at, force, *_ = let_go(result, "gripper")
+    assert summary["gripper_released_at"] == at
+    assert summary["gripper_release_force_N"] == force
+    assert summary["gripper_force_N"] == 0.0
+    text = f"'gripper' let go at load factor {at:.4g} with {force:.4g} N"
+    assert f"Largest clamp force     {force:.4g} N; {text}" in repr(result)
+    assert summary["clamps_let_go"] == text
+    assert "clamps have let go" in summary["error_interval"]
+    holding = run(strip(Clamp("top", K, release=1e3, name="gripper"))).summary()
+    assert holding["gripper_released_at"] is None
+    assert holding["gripper_force_N"] == pytest.approx(
+        K * holding["gripper_travel_mm"], rel=1e-9
+    )
+    assert holding["load_half_width"] is not None
+
+
+# ------------------------------------------------------------------------- checkpoints
+
+
+class KilledError(Exception):
+    pass
+
+
+def stopping(number):
+    """Callback that ends a run after a number of states."""
+    count = iter(range(number))
+
+    def stop(state):
+        if next(count) == number - 1:
+            raise KilledError
+
+    return stop
+
+
+@pytest.mark.parametrize("states", [1, 2, 3, 4])
+def test_a_run_is_resumed_bit_for_bit(tmp_path, states):
+    """Before the release, also when it is sought, between its states, and after it."""
+    ply = strip(Clamp("top", K, release=8.0), fabric=STIFFENING)
+    whole = run(ply, steps=1)
+    assert [x.load_factor == let_go(whole)[0] for x in whole.states][1:] == [
+        *(False, True, True, False),
+    ]
+    with pytest.raises(StepError, match="KilledError"):
+        run(ply, steps=1, checkpoint=tmp_path, on_step=stopping(states))
+    stepper = LoadStepper(ply, PULLED, 1, checkpoint=tmp_path)
+    resumed = stepper.run(resume=True)
+    assert len(resumed.states) == len(whole.states)
+    for one, other in zip(resumed.states, whole.states, strict=True):
+        assert one.load_factor == other.load_factor
+        assert np.array_equal(one.u, other.u)
+        assert one.energies == other.energies
+        assert one.energy_lost == other.energy_lost
+        assert one.verdict == other.verdict
+        assert one.linear_solves == other.linear_solves
+    other = strip(Clamp("top", K, release=2 * F), fabric=STIFFENING)
+    with pytest.raises(ValueError, match="release of 'clamp' differ"):
+        LoadStepper(other, PULLED, 1, checkpoint=tmp_path).run(resume=True)
+
+
+# -------------------------------------------------------------------------- with tools
+
+
+def test_a_gripper_lets_go_while_a_punch_forms_the_ply():
+    """The force of the punch decreases when it lets go; the ply releases energy."""
+    mesh = MeshQuad().refined(2).scaled(50.0).with_defaults()
+    punch = Tool(drape.Sphere(15.0, (0, 0, -15)), motion=(0, 0, 8), name="punch")
+    gripper = Clamp("right", 1.0, release=0.2, within=(0, 0, 50, 25), name="gripper")
+    fabric = Fabric(1e2, 0.5, bending=(5.0, 5.0))
+    ends = {"left": "mirror", "bottom": "mirror"}
+    terms = [punch, gripper]
+    ply = Ply(mesh, fabric, terms=terms, dimension=3, fibre_ends=ends)
+    conditions = {
+        "x": Condition("left", (0.0, None, None)),
+        "y": Condition("bottom", (None, 0.0, None)),
+        "top": Condition("top"),
+    }
+    result = run(ply, conditions, steps=2)
+    _, force, before, after = let_go(result, "gripper")
+    assert result.converged
+    assert 0.2 <= force <= 1.01 * 0.2
+    assert before.reactions["punch"][2] > after.reactions["punch"][2] > 0
+    assert after.energy_lost["gripper"] > before.energies["gripper"]
+
+
+# --------------------------------------------------------------------------- bad input
+
+
+@pytest.mark.parametrize(
+    ("clamp", "message"),
+    [
+        (Clamp("north", K), "no boundary 'north'"),
+        (Clamp([7], K), "no edge of the boundary between the selected nodes"),
+        (Clamp(lambda X: X[1] < -1, K), "where selects no nodes"),
+        (Clamp("top", K, within=(0, 0, 1, 1)), "on 'top' within its rectangle"),
+        (Clamp("top", K, within=(5, 0, 0, 20)), "within must be the smallest x and y"),
+        (Clamp("top", 0.0), "stiffness must be a finite number > 0, got 0"),
+        (Clamp("top", -1.0), "stiffness must be a finite number > 0"),
+        (Clamp("top", np.nan), "stiffness must be a finite number > 0"),
+        (Clamp("top", K, direction=(0, 0)), "direction must be a non-zero finite"),
+        (Clamp("top", K, direction=(0, 0, 1)), "direction must be a vector of 2"),
+        (Clamp("top", K, release=0.0), "release must be a finite number > 0, got 0"),
+        (Clamp("top", K, release=-1.0), "release must be a finite number > 0"),
+        (Clamp("top", K, preload=3.0), "a preload requires a direction"),
+        (
+            Clamp("top", K, (0, 1), release=3.0, preload=3.0),
+            "the preload of 3 N reaches the release of 3 N",
+        ),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(clamp, message):
+    with pytest.raises(ValueError, match=re.escape(message)) as refused:
+        strip(clamp)
+    assert str(refused.value).startswith("clamp 'clamp'")
+    assert "\n" not in str(refused.value)
+
+
+def test_two_clamps_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="two terms have the name 'clamp'"):
+        strip(Clamp("top", K), Clamp("right", K))
+
+
+def test_a_clamp_on_a_condition_is_refused_and_one_in_part_is_a_warning(caplog):
+    both = PULLED | {"held": Condition("top")}
+    with pytest.raises(ValueError, match="its edge is held by the condition 'held'"):
+        run(strip(Clamp("top", K)), both)
+    mirror = PULLED | {"mirror": Condition("left", (0.0, None))}
+    run(strip(Clamp("top", K)), mirror)  # shares a corner
+    run(
+        strip(Clamp("top", K, direction=(0, 1))),
+        PULLED | {"x": Condition("top", 0.0, (1, 0))},
+    )
+    assert "of its" not in caplog.text
+    part = PULLED | {"part": Condition(lambda X: (X[1] == LENGTH) & (X[0] <= 5))}
+    run(strip(Clamp("top", K)), part)
+    assert (
+        "clamp 'clamp': 1 of its 2 edges are held by the condition 'part'"
+        in caplog.text
+    )
+
+
+def test_a_force_that_jumps_over_the_release_is_refused():
+    """A state far beyond the release is never accepted."""
+
+    def jump(X, t):
+        return np.stack([0 * X[0], np.full(X.shape[1], -1.0 * (t > 0.5))])
+
+    with pytest.raises(
+        StepError, match=r"carries .* times the force at which it lets go"
+    ):
+        run(strip(Clamp("top", K, release=10.0)), {"bottom": Condition("bottom", jump)})
