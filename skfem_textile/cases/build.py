@@ -33,6 +33,7 @@ from ..ply.terms import Factor, Load, proportional
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
 from .fabrics import errors_in, fabric_of_file
+from .phases import in_phases
 from .read import (
     CaseFile,
     CaseFileError,
@@ -54,7 +55,6 @@ from .schema import (
 from .schema import (
     Clamp as ClampTable,
 )
-from .tools import ToolTable
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -201,7 +201,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         laws = _fabric(file.tension, file.shear, file.bending)
     else:
         laws, assumed = fabric_of_file(file.fabric)
-    scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
+    scene = _with_tools(_scene(file, laws, density), file)
     if file.stepping.is_programme:
         scene = file.stepping.applied(scene)
     if file.mesh.outline is not None and scene.dimension == 3:
@@ -213,7 +213,9 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         _warn_of_other_directions(file, laws, scene, fabric)
     if file.regions:
         scene, fabric = _with_regions(scene, fabric, file)
-    loads = _loads(file.loads, scene.programme or proportional)
+    of_phases = scene.process and scene.process.loads
+    factor: Factor = of_phases or scene.programme or proportional
+    loads = _loads(file.loads, factor, of_phases or 1.0)
     if scene.rotation:
         loads = tuple(load.turned(scene.turn) for load in loads)
     fit = _fitted(scene, fabric, loads, file.mesh.as_is)
@@ -225,7 +227,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         fabric=fabric,
         loads=(*loads, *clamps),
         formulation=file.formulation.construct() or fit.formulation,
-        steps=file.stepping.steps * file.stepping.parts,
+        steps=_steps(file, scene),
         method=file.stepping.method,
         warn_only=file.stepping.warn_only,
         solver=file.stepping.solver,
@@ -234,6 +236,14 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     )
     notes = filter(None, (_defaults(file, case, default), *assumed))
     return replace(case, defaults="; ".join(notes))
+
+
+def _steps(file: CaseFile, scene: "Scene") -> int | tuple[int, ...]:
+    """Number of load steps, or numbers for each phase."""
+    if scene.process:
+        return scene.process.steps
+    assert file.stepping.steps is not None  # it is refused beside phases only
+    return file.stepping.steps * file.stepping.parts
 
 
 def _fitted(
@@ -309,12 +319,14 @@ def refuse_incomplete(
             raise ValueError(f"{key} requires {required}")
 
 
-def _loads(of: Loads, factor: Factor = proportional) -> tuple[Any, ...]:
-    """Forces on boundaries and the weight."""
+def _loads(
+    of: Loads, factor: Factor = proportional, of_weight: Factor = 1.0
+) -> tuple[Any, ...]:
+    """Forces on boundaries and the weight, with their factors."""
     forces = tuple(Force(name, total, factor) for name, total in of.force_N.items())
     if (weight := of.weight_N_per_mm2) is None:
         return forces
-    return *forces, BodyForce(weight, factor=1.0, name="weight")
+    return *forces, BodyForce(weight, factor=of_weight, name="weight")
 
 
 def _clamps(scene: "Scene", tables: Sequence[ClampTable]) -> tuple[Any, ...]:
@@ -360,18 +372,25 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
 
 
-def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> "Scene":
+def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
     """Scene with the tools of the case."""
+    of, tables = file.scene, file.tools
     if tables and (scene.dimension == 2 or issubclass(of.declaration, OnTool)):
         where = "is in its plane" if scene.dimension == 2 else "lies on a surface"
         raise ValueError(
             f"[[tools]] do not apply to the scene {scene.name}, whose ply {where}: use "
             "the scene forming"
         )
-    tools = [
-        tool.build(numbered("tools", number), scene.axes)
-        for number, tool in enumerate(tables, 1)
-    ]
+    turned = {
+        name
+        for phase in file.phases
+        for name, tool in phase.tools.items()
+        if tool.motion_deg is not None
+    }
+    tools = []
+    for number, tool in enumerate(tables, 1):
+        what = numbered("tools", number)
+        tools.append(tool.build(what, scene.axes, (tool.name or what) in turned))
     all_tools = *scene.tools, *tools
     if not (scene.driven or all_tools):
         raise ValueError(
@@ -386,7 +405,10 @@ def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> 
             )
     if tools and not issubclass(of.declaration, Formed):
         scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
-    return replace(scene, tools=all_tools, driven=scene.driven or names[0])
+    scene = replace(scene, driven=scene.driven or names[0])
+    if file.phases:
+        return in_phases(scene, file, tools)
+    return replace(scene, tools=all_tools)
 
 
 def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:

@@ -16,6 +16,7 @@ from msgspec import Struct
 
 from ..declarations.scenes import GRADED, AnyScene, WithTools
 from ..mesh.user_input import excerpt, printable
+from .phases import PhaseTable, ToolInPhase, furthest
 from .scenes import SCENES
 from .scenes import AnyScene as SceneTable
 from .schema import (
@@ -81,6 +82,7 @@ class CaseFile(Table):
     stepping: Stepping
     output: Output
     tools: tuple[AnyTool, ...]
+    phases: tuple[PhaseTable, ...]
     clamps: tuple[Clamp, ...]
     regions: dict[str, Region]
     vary: Annotated[
@@ -158,7 +160,12 @@ def declared(
                     f"{_quoted(array)}"
                 )
         none: dict[str, Any] = {**dict.fromkeys(ARRAYS, ()), "regions": {}, "vary": {}}
-        case = converted("", {**_with_defaults(tables, scene), **none}, CaseFile)
+        of_phases = tuple(
+            _phase(numbered("phases", number), phase)
+            for number, phase in enumerate(arrays["phases"], 1)
+        )
+        filled = _with_defaults(_for_phases(tables, of_phases), scene)
+        case = converted("", {**filled, **none}, CaseFile)
         case = msgspec.structs.replace(
             case,
             vary=varied(tables.get("vary", {})),
@@ -168,7 +175,9 @@ def declared(
                     for number, table in enumerate(array, 1)
                 )
                 for name, array in arrays.items()
+                if name != "phases"
             },
+            phases=of_phases,
             regions={
                 name: converted(
                     f"regions.{printable(name)}",
@@ -216,7 +225,7 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
         path = f"{where}.{name}" if where and name != "law" else where or name
         if isinstance(value, Struct):
             changed[name] = with_files(value, path_of, path)
-        elif name in ARRAYS:
+        elif name in ARRAYS and isinstance(value, tuple):
             changed[name] = tuple(
                 with_files(one, path_of, numbered(name, number))
                 for number, one in enumerate(value, 1)
@@ -317,12 +326,50 @@ def index_of(tables: Sequence[Mapping[str, Any]], name: str) -> int | None:
 
 
 #: Kinds of the tables in arrays of tables, by the name of the array.
-ARRAYS: dict[str, Any] = {"tools": AnyTool, "clamps": Clamp}
+ARRAYS: dict[str, Any] = {"tools": AnyTool, "phases": PhaseTable, "clamps": Clamp}
 
 
 def numbered(array: str, number: int) -> str:
     """Name in messages of a table of an array, such as ``tool_1`` of ``[[tools]]``."""
     return f"{array.removesuffix('s')}_{number}"
+
+
+def _phase(where: str, table: Any) -> PhaseTable:
+    """Validated table of a phase; messages begin with ``where``."""
+    tools = table.get("tools", {}) if isinstance(table, dict) else {}
+    if not isinstance(tools, dict):
+        raise ValueError(f"{where}.tools must be a table, not {_quoted(tools)}")
+    if isinstance(table, dict):
+        table = {**table, "tools": {}}
+    phase: PhaseTable = converted(where, table, PhaseTable)
+    built = {
+        name: converted(f"{where}.tools.{printable(name)}", tool, ToolInPhase)
+        for name, tool in tools.items()
+    }
+    return msgspec.structs.replace(phase, tools=built)
+
+
+def _for_phases(
+    tables: Mapping[str, Any], phases: tuple[PhaseTable, ...]
+) -> Mapping[str, Any]:
+    """Tables without steps, and with the travel of the punch by the phases."""
+    scene, stepping = tables["scene"], tables.get("stepping", {})
+    if not (phases and isinstance(stepping, dict)):
+        return tables
+    if stepping.get("steps") is not None:
+        raise ValueError(
+            "stepping.steps does not apply beside [[phases]], each of which states its "
+            "own steps: omit it"
+        )
+    far, stated = furthest(phases, "punch"), scene.get("travel_mm")
+    if far is not None and "travel_mm" in SCENES[scene["name"]].__struct_fields__:
+        if stated not in (None, far):
+            raise ValueError(
+                f"scene.travel_mm is {_quoted(stated)}, but the phases move the punch, "
+                f"by up to {far:g} mm: omit scene.travel_mm"
+            )
+        scene = {**scene, "travel_mm": far}
+    return {**tables, "scene": scene, "stepping": {**stepping, "steps": None}}
 
 
 def _refuse_values(where: str, value: Any) -> None:

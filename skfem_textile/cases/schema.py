@@ -491,7 +491,11 @@ class Stepping(Table):
     """Load steps and solvers."""
 
     steps: Annotated[
-        int, about("number of load steps, with a programme of each of its parts")
+        int | None,
+        about(
+            "number of load steps, with a programme of each of its parts; not beside "
+            "phases"
+        ),
     ] = 20
     programme: Annotated[
         tuple[float, ...] | None,

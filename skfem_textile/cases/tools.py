@@ -120,7 +120,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         about("law of compaction of the ply under this force"),
     ] = None
 
-    def build(self, what: str, axes: "Axes") -> "Tool | Holder":
+    def build(self, what: str, axes: "Axes", turned: bool = False) -> "Tool | Holder":
         """Build the tool.
 
         Parameters
@@ -129,6 +129,8 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             Its name in messages, and the default of its name.
         axes
             Axes of the ply in the axes of the tool.
+        turned
+            True if phases rotate it about its axis.
 
         Raises
         ------
@@ -148,7 +150,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             raise ValueError(f"{what}: {error}") from None
         common: dict[str, Any] = {
             "surface": surface,
-            "motion": self._motion(what, axes),
+            "motion": self._motion(what, axes, turned),
             "side": self.side,
             "thickness": self.thickness_mm,
             "outline": outline,
@@ -173,18 +175,18 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             values[position] = values[position] - axes.origin
         return self.implementation()(**values)
 
-    def _motion(self, what: str, axes: "Axes") -> Any:
+    def _motion(self, what: str, axes: "Axes", turned: bool) -> Any:
+        if not any(self.motion_axis):
+            raise ValueError(f"{what}: motion_axis must not be zero")
         translation = self._translation(what)
         given = self.motion_axis, self.motion_point_mm
         if not self.motion_deg:
-            if given != (_UP, _ORIGIN):
+            if given != (_UP, _ORIGIN) and not turned:
                 raise ValueError(
                     f"{what}: motion_axis and motion_point_mm require motion_deg: set "
                     "it too"
                 )
             return translation
-        if not any(self.motion_axis):
-            raise ValueError(f"{what}: motion_axis must not be zero")
         angle = _amount(f"{what}.motion_deg", self.motion_deg)
         point = self.motion_point_mm - axes.origin
         axis = self.motion_axis
@@ -253,22 +255,13 @@ def _moved(
     """
     import numpy as np
 
+    from ..contact.tool import rotated_and_moved
+
     moved, angle = (
         amount(t) if callable(amount) else t * np.array(amount)
         for amount in (translation, degrees)
     )
-    turn = _rotation(axis, float(angle))
-    return turn, point - turn @ point + moved
-
-
-def _rotation(axis: Vector, degrees: float) -> "ndarray":
-    """Matrix of a rotation about an axis of any length, shape (3, 3)."""
-    import numpy as np
-    from scipy.spatial.transform import Rotation
-
-    unit = np.array(axis) / np.abs(axis).max()
-    unit /= np.linalg.norm(unit)
-    return np.asarray(Rotation.from_rotvec(degrees * unit, degrees=True).as_matrix())
+    return rotated_and_moved(moved, float(angle), axis, point)
 
 
 class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
@@ -300,11 +293,12 @@ class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
 
     def surface_in(self, axes: "Axes") -> "Surface":
         """See `ToolTable.surface_in`."""
+        from ..contact.tool import rotation_matrix
         from ..io import read_surface
 
         if not any(self.rotation_axis):
             raise ValueError("rotation_axis must not be zero")
-        turn = _rotation(self.rotation_axis, self.rotation_deg)
+        turn = rotation_matrix(self.rotation_axis, self.rotation_deg)
         surface = read_surface(self.source, self.unit)
         return surface.moved(turn.T @ (axes.origin - self.offset_mm), turn.T)
 

@@ -20,6 +20,7 @@ from zlib import crc32
 from msgspec import NODEFAULT, Meta, Struct, structs
 
 from .. import __version__
+from .phases import RowsOfTravel, ToolInPhase
 from .read import ARRAYS, CaseFile, with_files
 from .scenes import SCENES
 from .schema import Output, Region
@@ -73,14 +74,14 @@ def tables_of(table: Struct) -> dict[str, Any]:
     for name, value, _ in _keys(table):
         if isinstance(value, Struct):
             tables[name] = tables_of(value)
-        elif name in ARRAYS:
+        elif name in ARRAYS and isinstance(value, tuple):
             if value:
                 tables[name] = [tables_of(one) for one in value]
         elif name == "vary":
             if value:
                 tables[name] = value
-        elif name == "regions":
-            tables[name] = {region: tables_of(part) for region, part in value.items()}
+        elif name in ("tools", "regions"):
+            tables[name] = {of: tables_of(part) for of, part in value.items()}
         elif value is not None:
             tables[name] = value
     return tables
@@ -210,8 +211,13 @@ def _block(where: str, table: Struct, choices: str = "") -> str:
     for name, value, about in _keys(table):
         about = about or choices
         comment = [_comment(about)] if about else []
-        inner = f"{where}.{name}"
-        if isinstance(value, Struct):
+        inner = f"{where.strip('[]')}.{name}"
+        if name == "tools":
+            for tool, entries in value.items():
+                given = [x for x in _keys(entries) if x.value is not None]
+                lines_of = [_line(key, one) for key, one, _ in given]
+                tables += ["", f"[{inner}.{_toml_key(tool)}]", *lines_of]
+        elif isinstance(value, Struct) and not isinstance(value, RowsOfTravel):
             heading = _comment(summary_of(type(value)))
             tables += ["", heading, _block(inner, value).rstrip()]
         elif isinstance(value, dict):
@@ -266,6 +272,9 @@ def _line(key: str, value: Any) -> str:
     if isinstance(value, tuple | list):  # on one line
         inner = ", ".join(_line("x", one).partition(" = ")[2] for one in value)
         return f"{_toml_key(key)} = [{inner}]"
+    if isinstance(value, Struct):
+        entries = ", ".join(_line(name, one) for name, one, _ in _keys(value))
+        return f"{_toml_key(key)} = {{{entries}}}"
     if isinstance(value, dict):
         inner = ", ".join(map(_line, value, value.values()))
         return f"{_toml_key(key)} = {{{inner}}}"
@@ -311,6 +320,8 @@ def reference() -> Iterator[Entry]:
             yield from _entries("regions.NAME", Region)
         elif name in ARRAYS:
             yield from _entries(f"[{name}]", ARRAYS[name])
+            if name == "phases":
+                yield from _entries("phases.tools.NAME", ToolInPhase)
         else:
             yield from _entries(name, hint)
 
@@ -382,6 +393,8 @@ def _kind(hint: Any) -> str:
         return f"[some of {_kind(parts[0]).replace(' |', ',')}]"
     if origin is tuple:
         return f"[{', '.join('...' if p is ... else _kind(p) for p in parts)}]"
+    if isinstance(hint, type) and issubclass(hint, Struct):
+        return f"{{{', '.join(hint.__struct_fields__)}}}"
     if origin is dict:
         return f"NAME = {_kind(parts[1])}"
     return " | ".join(map(_kind, parts))

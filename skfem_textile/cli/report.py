@@ -1,5 +1,6 @@
 """Report of a run: one HTML page."""
 
+import csv
 import tempfile
 import tomllib
 from argparse import Namespace
@@ -25,6 +26,9 @@ REPORT = "report.html"
 
 #: File of the figures of each sample of the fabric.
 SAMPLES = "samples.csv"
+
+#: File of the figures at the ends of phases.
+PHASES = "phases.csv"
 
 # Acceptance checks of the last state: name, text if passed, text if failed.
 _CHECKS = {
@@ -67,6 +71,7 @@ def run(options: Namespace) -> int:
         "load_factor": summary.get("load_factor"),
         "first": _first(folder, summary),
         "bands": band_rows(summary),
+        "phases": _phases(folder),
         "samples": summary.get("samples_text"),
         "checks": list(_checks(summary)),
         "curves": curves,
@@ -92,6 +97,24 @@ def _first(folder: Path, summary: Mapping[str, Any]) -> Sequence[Row]:
     except (TypeError, ValueError):
         damaged = f"{printable(folder / 'summary.json')} is damaged: repeat the run"
         raise ValueError(damaged) from None
+
+
+def _phases(folder: Path) -> list[list[float | str]]:
+    """Table of a run with a column for each phase; empty if there are none."""
+    if not (folder / PHASES).is_file():
+        return []
+    rows = [*csv.reader(content_of(folder / PHASES).splitlines())]
+    if not rows or any(len(row) != len(rows[0]) for row in rows):
+        raise ValueError(f"{printable(folder / PHASES)} is damaged: repeat the run")
+    return [[_short(cell) for cell in column] for column in zip(*rows, strict=True)]
+
+
+def _short(cell: str) -> float | str:
+    """Number of four digits; any other text unchanged."""
+    try:
+        return float(f"{float(cell):.4g}")
+    except ValueError:
+        return cell
 
 
 def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:

@@ -27,6 +27,7 @@ PICTURES = {
     "draped.png": "Shear angle and contact pressure on the tool",
     "formed.png": "Shear angle, fibres and areal weight, with the tools",
     "section.png": "Section through ply and tools at several load factors",
+    "phases.png": "Shear angle at the end of each phase, with the tools",
     "tool_force.png": "Force of the tools on the ply over the travel",
     "samples.png": "Force of the run with the error interval of its mesh, and with the "
     "band of further specimens of the fabric",
@@ -67,6 +68,9 @@ def draw(
     for name in [*names, "animation.gif"]:
         with held():
             getattr(plot, Path(name).stem)(result, filename=folder / name)
+    if scene.process and any(state.load_factor for state in result.states):
+        with held():
+            plot.phases(result, scene.process, filename=folder / "phases.png")
     if isinstance(run, StepError):
         with held():
             plot.verdict(run, filename=folder / "refused.png")

@@ -31,7 +31,7 @@ from .export import PartExport, decks_in
 from .interruption import INTERRUPTED, held
 from .output import STOPPED_EARLY, OutputError, complain, say
 from .page import say_rows
-from .report import REPORT, SAMPLES
+from .report import PHASES, REPORT, SAMPLES
 from .result_folder import ResultFolder
 from .run_options import as_typed, tables_of_options
 
@@ -92,13 +92,13 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
         sampling = _sampling(file, case, written, options)
         refuse_foreign_case(options.out)
         fields = (f"fields/{name}" for name in io.FIELDS)
-        numbers = ("summary.json", "history.csv", CURVE, SAMPLES)
+        numbers = ("summary.json", "history.csv", CURVE, SAMPLES, PHASES)
         export.refuse_folder(options.out)
         drapes = *io.DRAPED, *PartExport.all_files, *decks_in(options.out)
         files = (*numbers, *WRITTEN_FILES, *drapes, *fields, *_PICTURES, REPORT)
         out = ResultFolder(options.out, files)
-        resume = options.resume is not None
-        code, message, refusal = _load(stepper, resume)
+        begin = _begin(case, options)
+        code, message, refusal = _load(stepper, begin)
     result = stepper.result
     provenance = {
         "inputs": {"version": __version__, **tables_of(file)},
@@ -120,7 +120,10 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
                     exported = export.write(sheet, reason, folder)
                 summary = export.added(summary, exported)
                 io.write_summary(summary, folder / "summary.json")
-                io.write_history(result, folder / "history.csv", case.scene.axes)
+                of_run = case.scene.axes, case.scene.process
+                io.write_history(result, folder / "history.csv", *of_run)
+                if case.scene.process:
+                    io.write_phases(result, folder / PHASES, case.scene.process)
                 write_curve(curve, folder / CURVE)
                 written.write(folder)
                 io.write_fields(result, folder / "fields", case.scene.axes)
@@ -209,10 +212,42 @@ def _with_samples(
     return code, stopped_text(samples), summary, curve
 
 
-def _load(stepper: Stepper, resume: bool) -> tuple[int, str, StepError | None]:
+def _begin(case: Case, options: argparse.Namespace) -> dict[str, Any]:
+    """Where a run begins, as arguments of its load stepper; see ``--from``."""
+    folder, phase = options.states_of, options.phase
+    resume = options.resume is not None
+    if folder is None and phase is None:
+        return {"resume": resume}
+    if folder is None or phase is None:
+        raise ValueError(
+            "--from and --phase belong together: name the folder of the other run, and "
+            "the phase with which this one begins"
+        )
+    process = case.scene.process
+    if process is None:
+        raise ValueError("--from requires a case with [[phases]]")
+    if resume:
+        raise ValueError(
+            "--resume continues the run in its own folder: omit --from and --phase"
+        )
+    if folder.resolve() == options.out.resolve():
+        raise ValueError("--from and --out name the same folder: choose another --out")
+    until = process.begin(phase)
+    found = [x for x in (folder, folder / "checkpoint") if (x / "run.npz").is_file()]
+    if not found:
+        raise ValueError(
+            f"{printable(folder)} contains no checkpoint: run its case with "
+            "--checkpoint first"
+        )
+    return {"states_of": found[0], "until": until}
+
+
+def _load(
+    stepper: Stepper, begin: Mapping[str, Any]
+) -> tuple[int, str, StepError | None]:
     """Run a load stepper: exit code, final message, and the error that stopped it."""
     try:
-        stepper.run(resume=resume)
+        stepper.run(**begin)
     except StepError as error:
         return STOPPED_EARLY, str(error), error
     except KeyboardInterrupt:

@@ -119,6 +119,16 @@ _OF_RUN: Options = {
         nargs="?",
         const=True,
     ),
+    "--from": option(
+        "repeat a process from --phase on with other values: the states before are "
+        "taken from the checkpoint of the run in FOLDER, which is not changed",
+        words.folder,
+        "FOLDER",
+        dest="states_of",
+    ),
+    "--phase": option(
+        "name of the phase with which a run --from another begins", metavar="NAME"
+    ),
     **_processes(" for --samples", "samples"),
     "--json": option(
         "print summary.json instead of the first quantities", action="store_true"

@@ -24,6 +24,12 @@ from .holder import (
     contacts as contacts,
     pressing as pressing,
 )
+from .phases import (
+    OverTravel as OverTravel,
+    Phase as Phase,
+    Process as Process,
+    phase_table as phase_table,
+)
 from .placed import (
     PlacedTool as PlacedTool,
     box_of as box_of,

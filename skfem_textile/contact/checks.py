@@ -92,13 +92,20 @@ def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> bool:
     pairs = permutations(range(len(tools)), 2)
     opposite = [(i, j) for i, j in pairs if normals[i] @ normals[j] < OPPOSITE]
     touched = False
-    for t in np.linspace(0, 1, _PUSHES + 1).tolist():
+    for t in _load_factors(tools):
         pushed = [_pushed_out(*pair, t, free) for pair in zip(tools, x, strict=True)]
         x = [at for at, _ in pushed]
         touched |= any(nodes.size for _, nodes in pushed)
         for i, j in opposite:
             _refuse_crossing(tools[i], tools[j], X, *pushed[i], t, free)
     return touched
+
+
+def _load_factors(tools: Sequence[ToolTerm], intervals: int = _PUSHES) -> list[float]:
+    """Load factors between equal intervals, and at the ends of phases."""
+    motions = (getattr(tool._obstacle.motion, "load_factors", ()) for tool in tools)
+    every = (np.linspace(0, 1, intervals + 1), *motions)
+    return np.unique(np.concatenate(every)).tolist()
 
 
 def _normal(tool: ToolContact, X: ndarray) -> ndarray:
@@ -158,7 +165,7 @@ def _refuse_crossing(
 def _refuse_untouched(ply: Ply, tools: Sequence[ToolContact]) -> None:
     """Refuse tools that reach the undeformed ply at no load factor."""
     flat, nearest, name, at = ply.basis.zeros(), np.inf, "", 0.0
-    for t in np.linspace(0, 1, _INTERVALS + 1).tolist():
+    for t in _load_factors(tools, _INTERVALS):
         for tool in tools:
             gap = float(tool.gaps(flat, t).min(initial=np.inf))
             if gap <= _FREE * _size(ply):
@@ -190,7 +197,7 @@ def _refuse_asymmetric(ply: Ply, tools: Sequence[ToolTerm]) -> None:
     """
     planes = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
     X = np.pad(ply.nodes, ((0, 1), (0, 0)))
-    for t in np.linspace(0, 1, _PUSHES + 1).tolist() if planes else ():
+    for t in _load_factors(tools) if planes else ():
         travels = np.unique([tool.travel(t) for tool in tools], axis=0)
         moved = np.hstack([X + travel[:, None] for travel in travels])
         for tool in tools:

@@ -145,6 +145,12 @@ class HolderPressure(ToolTerm):
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
         self.parameters = self._pressed_areas = _Pressed(self, obstacle, basis)
 
+    def amounts_at(self, t: float) -> dict[str, ndarray]:
+        """See `ToolTerm.amounts_at`; also pressure or force."""
+        amount = self.rigid.force if self.rigid else self._pressure
+        name = "force" if self.rigid else "pressure"
+        return super().amounts_at(t) | {name: np.asarray(amount(t))}
+
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
         _, factors, _, local = self._nodes_under(u, t, p)
@@ -231,9 +237,12 @@ class HolderPressure(ToolTerm):
 def function_of(
     what: str, amount: Amount | None, least: float, unit: str, most: float = np.inf
 ) -> Callable[[float], float]:
-    """Function of the load factor, validated at each of its values."""
+    """Function of the load factor, validated at each of its values.
+
+    Before a run at equal intervals, and at the ends of phases.
+    """
     at = partial(_amount_at, what, amount, (least, most), unit)
-    for t in np.linspace(0.0, 1.0, _CHECKED):
+    for t in (*np.linspace(0.0, 1.0, _CHECKED), *getattr(amount, "load_factors", ())):
         at(float(t))
     return at
 

@@ -417,10 +417,13 @@ class ToolTerm(ElementTerm):
     ----------
     nodes
         Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
+    amounts
+        Motion, friction, and gap, pressure or force of the tool, as stated.
     """
 
     role = "load"
     friction: Any = None
+    amounts: tuple[Any, ...] = ()
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
         self.name, self._obstacle = name, obstacle
@@ -433,6 +436,17 @@ class ToolTerm(ElementTerm):
 
         place, at = self._obstacle.placement, self._points.in_planes
         self.friction = Friction(coefficient, slip, place, at)
+
+    def amounts_at(self, t: float) -> dict[str, ndarray]:
+        """Placement, gap and friction at a load factor, compared by checkpoints."""
+        values: dict[str, Any] = {
+            "motion": np.vstack(self._obstacle.placement(t)),
+        }
+        if self._obstacle.reach:
+            values["gap"] = self._obstacle.reach(t)
+        if self.friction:
+            values["friction"] = self.friction.bound(t, np.ones(()))
+        return values
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Normal forces on the contact points in N, shape (n_nodes,)."""

@@ -3,10 +3,11 @@
 `Tool` and `Holder` are declarations; `obstacle` and `holder` contain their terms.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis
@@ -220,14 +221,50 @@ class Holder:
 
 _Term = TypeVar("_Term", bound=ToolTerm)
 
-# Largest coefficient of friction.  A coefficient in percent is larger.
-_MOST_FRICTION = 2.0
+#: Largest coefficient of friction.  A coefficient in percent is larger.
+MOST_FRICTION = 2.0
+
+
+def rotated_and_moved(
+    translation: ndarray, degrees: float, axis: Sequence[float], point: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Motion of a tool: rotation about an axis through a point, then a translation.
+
+    Parameters
+    ----------
+    translation
+        Translation in mm, shape (3,).
+    degrees
+        Angle in degrees, counterclockwise if the axis points to the viewer.
+    axis
+        Direction of the axis, of any length.
+    point
+        Point on it in mm, shape (3,).
+
+    Returns
+    -------
+    tuple
+        Rotation matrix about the origin, and translation.
+    """
+    turn = rotation_matrix(axis, degrees)
+    return turn, point - turn @ point + translation
+
+
+def rotation_matrix(axis: Sequence[float], degrees: float) -> ndarray:
+    """Matrix of a rotation about an axis of any length, shape (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    unit = np.array(axis) / np.abs(axis).max()
+    unit /= np.linalg.norm(unit)
+    return np.asarray(Rotation.from_rotvec(degrees * unit, degrees=True).as_matrix())
 
 
 def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
     """The term of a tool, with its friction if there is any."""
+    amounts = "motion", "friction", "gap", "pressure", "force"
+    term.amounts = tuple(getattr(tool, name, None) for name in amounts)
     what = f"{what}: friction"
-    coefficient = function_of(what, tool.friction, 0.0, "", _MOST_FRICTION)
+    coefficient = function_of(what, tool.friction, 0.0, "", MOST_FRICTION)
     slip = number(f"{what}: elastic_slip", tool.elastic_slip, above=0)
     if callable(tool.friction) or tool.friction:
         term.with_friction(coefficient, slip)

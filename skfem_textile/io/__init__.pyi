@@ -33,6 +33,7 @@ from .results import (
     FIELDS as FIELDS,
     write_fields as write_fields,
     write_history as write_history,
+    write_phases as write_phases,
     write_summary as write_summary,
 )
 from .tools import (

@@ -30,7 +30,7 @@ from .file_numbers import word_of, write_table
 from .vtk import in_space, write_grid, write_series
 
 if TYPE_CHECKING:
-    from ..contact import PlacedTool
+    from ..contact import PlacedTool, Process
 
 # Changes fields of vertices or elements, by name.
 _Map = Callable[[dict[str, ndarray]], dict[str, ndarray]]
@@ -225,24 +225,45 @@ def has_tools(ply: FabricOnBasis) -> bool:
 
 
 def write_history(
-    result: Result, path: str | os.PathLike[str], axes: Axes = SAME_AXES
+    result: Result,
+    path: str | os.PathLike[str],
+    axes: Axes = SAME_AXES,
+    process: "Process | None" = None,
 ) -> None:
     """Write the history of a run as CSV, one row per converged state.
 
     Vectors of a ply in space are converted to the coordinates in which the ply has the
-    ``axes``.  A ply between tools adds the columns of `contact.tool_history`.
+    ``axes``.  A ply between tools adds the columns of `contact.tool_history`, and the
+    ``process`` of a run the column ``phase``.
     Numbers have 12 significant digits; `Result.history` has full precision.
     """
     in_space = len(result.ply.nodal(result.u)) == 3
-    rows = result.history(axes.turn if in_space else None)
+    rows: list[dict[str, Any]] = result.history(axes.turn if in_space else None)
     if has_tools(result.ply):
         from ..contact import tool_history
 
         of_tools = tool_history(result)
         for i, row in enumerate(rows):
             row |= {name: column[i].item() for name, column in of_tools.items()}
+    if process:
+        rows = [{"phase": process.phase_at(x["load_factor"])} | x for x in rows]
     with _name_path(path):
-        write_table(path, rows[0], (map(word_of, row.values()) for row in rows))
+        write_table(path, rows[0], (map(_cell, row.values()) for row in rows))
+
+
+def _cell(value: float | str | None) -> str:
+    return value if isinstance(value, str) else word_of(value)
+
+
+def write_phases(
+    result: Result, path: str | os.PathLike[str], process: "Process"
+) -> None:
+    """Write the `contact.phase_table` of a run as CSV, if a phase has begun."""
+    from ..contact import phase_table
+
+    if rows := phase_table(result, process):
+        with _name_path(path):
+            write_table(path, rows[0], (map(_cell, row.values()) for row in rows))
 
 
 def write_summary(summary: Mapping[str, Any], path: str | os.PathLike[str]) -> None:

@@ -16,6 +16,7 @@ from .fields import (
 )
 from .forming import (
     formed as formed,
+    phases as phases,
     section as section,
     tool_force as tool_force,
 )

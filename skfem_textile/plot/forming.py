@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import cycle
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -39,8 +40,13 @@ from .sheet import FAMILIES, Legend, Scale
 if TYPE_CHECKING:
     import pyvista as pv
 
+    from ..contact import Process
+
 # Width of the three panels in mm: labels are legible at 400 pixels.
 _WIDTH = 105.0
+
+# Number of phases beside each other.  Chosen by eye.
+_IN_A_ROW = 2
 
 # Label of the areal weight.
 _AREAL_WEIGHT = "Areal weight relative to the flat ply"
@@ -62,15 +68,11 @@ def formed(
     for result in results:
         _refuse_without_tools(result)
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
-    pairs = [*zip(results, picture.states, strict=True)]
-    risks = [
-        np.flatnonzero(wrinkle_risk(result.ply, at.u, at.parameters))
-        for result, at in pairs
-    ]
+    pairs = zip(results, picture.states, strict=True)
     weights = [areal_weight(result.ply, at.u) for result, at in pairs]
     every = np.concatenate(weights)
     weight = Scale.of(_AREAL_WEIGHT, (every.min(), every.max()), "cividis")
-    sheared = picture.panels(angles, shear, marked=risks)
+    sheared = picture.panels(angles, shear, marked=_at_risk(picture))
     fibres, weighed = picture.panels(fibres=True), picture.panels(weights, weight)
     legends = (
         Legend(0, 1, shear, key_of_marks(RISK, sheared)),
@@ -78,6 +80,54 @@ def formed(
         Legend(2, 3, weight),
     )
     return picture.drawn([*zip(sheared, fibres, weighed, strict=True)], *legends)
+
+
+def phases(
+    result: Result, process: "Process", **options: Unpack[View]
+) -> "pv.Plotter | Figure":
+    """Shear angle at the end of each phase of a process, with the tools.
+
+    Elements with a risk of wrinkling are marked.  The default width is 105 mm.
+
+    Parameters
+    ----------
+    result
+        Result of a run of the process.  One that stopped early is also drawn in its
+        last state.
+    process
+        The process.
+    **options
+        Options as for `field`.
+
+    Raises
+    ------
+    ValueError
+        If no load step was completed; see also `formed`.
+    """
+    ends = process.at_ends(result)
+    if not ends:
+        raise ValueError("no load step was completed: there is no phase to draw")
+    until = [replace(result, states=result.states[: i + 1]) for i in ends]
+    picture = Picture(until, width=_WIDTH, **options)
+    titles = []
+    for one in until:
+        t = one.states[-1].load_factor
+        moved = ", ".join(map(str, one.tool_motions(t)))
+        titles.append(": ".join(filter(None, (process.phase_at(t), moved))))
+    angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
+    panels = picture.panels(angles, shear, marked=_at_risk(picture), titles=titles)
+    rows = [panels[i : i + _IN_A_ROW] for i in range(0, len(panels), _IN_A_ROW)]
+    marks = key_of_marks(RISK, panels)
+    return picture.drawn(rows, Legend(0, len(rows[0]), shear, marks))
+
+
+def _at_risk(picture: Picture) -> list[ndarray]:
+    """Elements with a risk of wrinkling of each result of a picture."""
+    pairs = zip(picture.results, picture.states, strict=True)
+    return [
+        np.flatnonzero(wrinkle_risk(result.ply, at.u, at.parameters))
+        for result, at in pairs
+    ]
 
 
 # Number of cubes along the longest side of a section in which tools are triangulated,

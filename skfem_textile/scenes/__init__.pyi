@@ -14,6 +14,9 @@ from .forming import (
     forming as forming,
     hemisphere_forming as hemisphere_forming,
 )
+from .processes import (
+    in_phases as in_phases,
+)
 from .scene import (
     Scene as Scene,
 )

@@ -25,7 +25,7 @@ from ..solve.stepper import DEFAULT_WARN_ONLY, LoadStepper
 from ..surfaces.surface import SAME_AXES, Axes
 
 if TYPE_CHECKING:
-    from ..contact import Holder, Tool
+    from ..contact import Holder, Process, Tool
     from ..mesh.selection import FibreEnd
     from ..outlines import Outline
     from ..solve.programme import Programme
@@ -140,6 +140,8 @@ class Scene:
         `LoadStepper`.
     programme
         Load programme that motions and loads follow, or None, see `through`.
+    process
+        Process whose tools are the tools of the scene, or None.
     """
 
     name: str
@@ -168,6 +170,7 @@ class Scene:
     axes: Axes = SAME_AXES
     initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
     programme: "Programme | None" = None
+    process: "Process | None" = None
 
     def through(
         self, levels: Sequence[float], release: Collection[str] = ()
@@ -205,7 +208,7 @@ class Scene:
         if self.tools or on_tool:
             raise ValueError(
                 f"a programme does not apply to the scene {self.name}, whose ply is on "
-                "or between tools: give the tools rows of motions"
+                "or between tools: give the tools rows of motions, or phases"
             )
         if unknown_names := sorted({*release} - self.conditions.keys()):
             raise ValueError(
@@ -546,11 +549,7 @@ def _composed(factor: Factor, programme: "Programme") -> Factor:
     """Factor at the load factor of a programme."""
     if factor is proportional:
         return programme
-    return partial(_factor_at, of=factor, programme=programme)
-
-
-def _factor_at(t: float, of: Any, programme: "Programme") -> float:
-    return float(of(programme(t)))
+    return partial(_end_at, of=factor, programme=programme)
 
 
 def _end_at(t: float, of: Any, programme: "Programme") -> Any:
@@ -613,7 +612,7 @@ class Case:
     fabric: Fabric
     formulation: Formulation = DEFAULT
     loads: tuple[Load, ...] = ()
-    steps: int = 20
+    steps: int | Sequence[int] = 20
     method: str | Method = "newton"
     warn_only: Collection[str] = DEFAULT_WARN_ONLY
     solver: str = "auto"

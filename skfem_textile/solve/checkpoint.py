@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 from uuid import uuid4
@@ -18,7 +19,7 @@ from ..ply import Ply
 from ..ply.parameters import Frozen
 from ..ply.terms import SupportTerm
 from . import checksummed
-from .continuation import Continuation
+from .continuation import Continuation, LoadSteps
 from .linear.solver import Clock
 from .problem import Problem
 from .states import CheckpointError, Equilibrium, State, Verdict
@@ -28,7 +29,7 @@ from .verdict import Trial
 _FORMAT = 10
 
 # Advice for a checkpoint of another run.
-_OTHER_FOLDER = "; use the arguments of that run, or another folder"
+_OTHER = "; use the arguments of that run, or another folder"
 
 _RUN, _STATES = "run.npz", "state_*.npz"
 
@@ -64,10 +65,10 @@ class Progress(NamedTuple):
 
 
 class RestoredRun(NamedTuple):
-    """States read from a checkpoint, and the progress at the last of them."""
+    """States read from a checkpoint, and the progress at each of them."""
 
     states: list[State]
-    progress: Progress
+    progress: list[Progress]
 
 
 class Checkpoint:
@@ -83,6 +84,7 @@ class Checkpoint:
         self,
         folder: str | os.PathLike[str],
         problem: Problem,
+        steps: LoadSteps,
         settings: Mapping[str, Any],
     ) -> None:
         try:
@@ -95,7 +97,9 @@ class Checkpoint:
             raise CheckpointError(f"checkpoint {str(folder)!r} is not a valid path")
         self._ply, self._constraints = problem.ply, problem.constraints
         self._release = problem.release
-        described = {"format": _FORMAT, **settings, **_described(problem)}
+        self._steps = steps
+        stated = {"format": _FORMAT, "steps": steps.stated}
+        described = {**stated, **settings, **_described(problem)}
         self._settings = json.loads(json.dumps(described))
         self._run = ""
         self._lock: checksummed.Lock | None = None
@@ -125,7 +129,8 @@ class Checkpoint:
                     "or remove the folder"
                 )
         self._run, beside = uuid4().hex, self.folder / f".{_RUN}"
-        settings, arrays = self._settings, self._fingerprint()
+        settings = self._settings
+        arrays = self._fingerprint() | self._by_load_factor()
         with self._writing():
             checksummed.write(beside, self._run, "run", settings, arrays)
 
@@ -175,13 +180,41 @@ class Checkpoint:
         if not self.folder.is_dir():
             return None
         self._lock_folder()
-        if not (files := self._files()):
-            return None
+        return self._restored(replay, np.inf) if self._files() else None
+
+    def begun(self, replay: "Replay", until: float) -> RestoredRun:
+        """Read the states up to a load factor, of a run that may differ beyond it.
+
+        Nothing is written into the folder, not even a lock.
+
+        Raises
+        ------
+        CheckpointError
+            If there is no state at this load factor; see also `load`.
+        """
+        if not self._files():
+            raise CheckpointError(f"checkpoint {self.folder} contains no states")
+        run = self._restored(replay, until)
+        if (last := run.states[-1].load_factor) != until:
+            raise CheckpointError(
+                f"checkpoint {self.folder} contains no state at the load factor "
+                f"{until:g}: the last one before is at {last:g}"
+            )
+        return run
+
+    def _restored(self, replay: "Replay", until: float) -> RestoredRun:
+        """States up to a load factor, validated by a replay."""
         run = self._read(_RUN, "")
         with self._content_errors(self.folder / _RUN):
-            self._check_identity(run)
+            self._check_identity(run, until)
+        with self._content_errors(self.folder):
+            contents = [
+                *takewhile(
+                    lambda x: not x.text["load_factor"] > until, self._states(run)
+                )
+            ]
+        files = self._files()[: len(contents)]
         states: list[State] = []
-        contents = list(self._states(run))
         for file, content in zip(files, contents, strict=True):
             with self._content_errors(file):
                 states.append(_state(content, states, self._ply))
@@ -189,9 +222,13 @@ class Checkpoint:
             trial, values = replay.repeated(states[i])  # which calls user functions
             with self._content_errors(file):
                 states[i] = replay.compared(states[i], trial, values)
-        with self._content_errors(files[-1]):
-            saved = contents[-1].text["progress"]
-            progress = _progress(saved, states, self._settings)
+        progress = []
+        for i, file in enumerate(files, 1):
+            with self._content_errors(file):
+                saved = contents[i - 1].text["progress"]
+                progress.append(
+                    _progress(saved, states[:i], self._settings, self._steps)
+                )
         return RestoredRun(states, progress)
 
     def _files(self) -> list[Path]:
@@ -220,32 +257,41 @@ class Checkpoint:
             why = str(error)
         raise CheckpointError(f"checkpoint file {path} {why}")
 
-    def _check_identity(self, run: checksummed.Content) -> None:
-        """Refuse a run with other settings or another fingerprint."""
-        another = f"checkpoint {self.folder} belongs to another run: "
+    def _check_identity(self, run: checksummed.Content, until: float) -> None:
+        """Refuse other settings or, up to a load factor, another fingerprint."""
+        another, advice = f"checkpoint {self.folder} belongs to another run: ", _OTHER
+        if until < 1:
+            another = (
+                f"checkpoint {self.folder} belongs to a run that differs before the "
+                f"load factor {until:g}: "
+            )
+            advice = "; repeat it from an earlier phase, or run anew"
         for name, value in self._settings.items():
-            if (was := run.text.get(name)) != value:
+            was = run.text.get(name)
+            begun = until < 1 and name == "steps"
+            if was != value and not (
+                begun and _up_to(until, was) == _up_to(until, value)
+            ):
                 raise CheckpointError(
                     f"{another}{name} was {_excerpt(was)} and is now "
-                    f"{_excerpt(value)}{_OTHER_FOLDER}"
+                    f"{_excerpt(value)}{advice}"
                 )
         self._run = run.run
-        ours, theirs, missing = self._fingerprint(), run.arrays, np.empty(0)
+        missing, varying = np.empty(0), self._by_load_factor(until)
+        ours, theirs = self._fingerprint() | varying, dict(run.arrays)
+        if until < 1:
+            for name in varying.keys() & theirs.keys():
+                theirs[name] = theirs[name][: len(varying[name])]
         for name in ours | theirs:
             new, old = ours.get(name, missing), theirs.get(name, missing)
             finite = np.isfinite(new)  # laws may have poles
             same = old.shape == new.shape and np.array_equal(np.isfinite(old), finite)
             allowed = _SAME * np.abs(new[finite]).max(initial=0.0)
             if not same or np.any(np.abs(old[finite] - new[finite]) > allowed):
-                raise CheckpointError(f"{another}its {name} differ{_OTHER_FOLDER}")
+                raise CheckpointError(f"{another}its {name} differ{advice}")
 
     def _fingerprint(self) -> dict[str, ndarray]:
-        """Mesh, fibre directions, laws, conditions, and the forces of each term.
-
-        Conditions are evaluated at the requested load factors and between them.  Forces
-        are evaluated at a displacement that shears and stretches every element, with
-        the parameters at rest.
-        """
+        """Mesh, fibre directions, laws and conditions, at all load factors."""
         ply, constraints = self._ply, self._constraints
         turn, surfaces = constraints.turn, constraints.surfaces
         fabric = ply.fabric.at()
@@ -267,13 +313,9 @@ class Checkpoint:
         entries |= {
             f"nodes of {name!r}": nodes for name, nodes in constraints.nodes.items()
         }
-        load_factors = np.linspace(0.0, 1.0, 2 * self._settings["steps"] + 1)
         entries |= {
             "fixed unknowns": constraints.fixed,
             "fixed directions": np.empty(0) if turn is None else turn.data,
-            "fixed values": np.array(
-                [constraints.fixed_values(t) for t in load_factors]
-            ),
             "surfaces": np.empty(0) if surfaces is None else surfaces.levels(1.0),
         }
         entries |= {
@@ -283,11 +325,30 @@ class Checkpoint:
         }
         if self._release:
             entries["ends of conditions"] = np.array(self._release.ends)
+        return entries
+
+    def _by_load_factor(self, until: float = np.inf) -> dict[str, ndarray]:
+        """Values of conditions and tools, and forces, by rows of load factors.
+
+        Up to a load factor: values at the requested load factors and between them.
+        Forces are evaluated at a displacement that shears and stretches every element,
+        with the parameters at rest.
+        """
+        ply, load_factors = self._ply, _up_to(until, self._steps.stated, finer=2)
+        fixed = [self._constraints.fixed_values(t) for t in load_factors]
+        rows: dict[str, list[ndarray]] = {"fixed values": fixed}
+        for term in ply.terms:
+            of_tool: Any = getattr(term, "amounts_at", None)
+            for t in load_factors if of_tool else ():
+                for what, value in of_tool(t).items():
+                    key = f"values of the {what} of {term.name!r}"
+                    rows.setdefault(key, []).append(value)
         probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
         for t in _PROBED if ply.follows_load_factor else (1.0,):
-            forces = ply.residuals(probe, t)
-            entries |= {f"{name} forces at {t}": f for name, f in forces.items()}
-        return entries
+            if t <= until or not ply.follows_load_factor:
+                for name, f in ply.residuals(probe, t).items():
+                    rows.setdefault(f"{name} forces", []).append(f)
+        return {name: np.array(values) for name, values in rows.items()}
 
     def _lock_folder(self) -> None:
         """Lock the folder and remove the unfinished files of a killed run."""
@@ -403,6 +464,12 @@ def _described(problem: Problem) -> dict[str, Any]:
     return texts | {"conditions": list(problem.constraints.nodes)}
 
 
+def _up_to(until: float, steps: Any, finer: int = 1) -> list[float]:
+    """Load factors up to a given one at which steps end, or parts of these."""
+    ends = LoadSteps(tuple(np.atleast_1d(steps).tolist())).ends(finer)
+    return [t for t in ends if t <= until]
+
+
 def _values(law: Law, most: float) -> ndarray:
     """Values of a law as a flat sequence; its parameters may vary by element."""
     with np.errstate(all="ignore"):
@@ -455,12 +522,15 @@ def _state(content: checksummed.Content, before: Sequence[State], ply: Ply) -> S
 
 
 def _progress(
-    text: Mapping[str, Any], states: Sequence[State], settings: Mapping[str, Any]
+    text: Mapping[str, Any],
+    states: Sequence[State],
+    settings: Mapping[str, Any],
+    steps: LoadSteps,
 ) -> Progress:
     """Progress in a file; refused if it is inconsistent with states and settings."""
     path, clock = Continuation.of(text["continuation"]), Clock(**text["clock"])
     progress = Progress(**{**text, "continuation": path, "clock": clock})
-    longest = 1.0 / settings["steps"]
+    longest = steps.length(states[-1].load_factor)
     if not 0 < path.next <= longest * (1 + _SAME):
         raise ValueError(
             f"its step length must be above 0 and at most {longest}, but is {path.next}"

@@ -8,6 +8,7 @@ computed in one step and in two, and both must agree.
 """
 
 import logging
+from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -53,6 +54,41 @@ _SHORTEST_STEP = 1e-9
 # Work of growing loads, relative to the energy of a ply, above which they drive it:
 # half, because the work of a load that alone drives a ply is at least the energy.
 _DRIVES = 0.5
+
+
+@dataclass(frozen=True)
+class LoadSteps:
+    """Requested load steps: parts of equal length, each in equal steps.
+
+    Attributes
+    ----------
+    numbers
+        Number of steps of each part.
+    """
+
+    numbers: tuple[int, ...]
+
+    @property
+    def stated(self) -> int | list[int]:
+        """The numbers as an argument of `LoadStepper`."""
+        return self.numbers[0] if len(self.numbers) == 1 else [*self.numbers]
+
+    def ends(self, finer: int = 1) -> list[float]:
+        """Load factors from 0 on at which steps end; or parts of these, if finer."""
+        load_factors, parts = [0.0], ends_of_parts(len(self.numbers))
+        for first, last, steps in zip(parts, parts[1:], self.numbers, strict=False):
+            load_factors += np.linspace(first, last, finer * steps + 1)[1:].tolist()
+        return load_factors
+
+    def length(self, t: float) -> float:
+        """Length of the steps of the part that contains a load factor or ends there."""
+        part = bisect_left(ends_of_parts(len(self.numbers))[1:], t)
+        return 1.0 / (len(self.numbers) * self.numbers[part])
+
+
+def ends_of_parts(n: int) -> list[float]:
+    """Load factors from 0 to 1 between n parts of equal length."""
+    return np.linspace(0.0, 1.0, n + 1).tolist()
 
 
 class StepEnd(NamedTuple):
@@ -138,6 +174,12 @@ class Continuation:
         """Step length at which a hard step is accepted."""
         halvings = max(self.halvings - 2, 0) if self.follows_path else 0
         return self.longest / 2.0 ** min(_PATH_HALVINGS, halvings)
+
+    def enter(self, longest: float) -> None:
+        """Scale the step length for requested steps of another length."""
+        if longest != self.longest:
+            self.next = min(longest, self.next * (longest / self.longest))
+            self.longest = longest
 
     def end(self, t: float, t_end: float) -> float:
         """End of the next step from ``t``, at most ``t_end``.

@@ -1,5 +1,6 @@
 """Load programmes: factors that rise and fall with the load factor."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +18,8 @@ class Programme:
 
     It is the ``factor`` of a `Condition` or a load: while the load factor increases
     from 0 to 1, it starts at 0 and is linear from each level to the next.  A
-    `LoadStepper` requires the same number of steps in each part, because a step that
-    passes a level would miss it.
+    `LoadStepper` requires that a step ends at each level, because a step that passes a
+    level would miss it.
 
     Parameters
     ----------
@@ -66,10 +67,13 @@ class Programme:
         share = place - first
         return (1 - share) * ends[first] + share * ends[first + 1]
 
-    def check_steps(self, steps: int) -> None:
-        """Refuse a number of equal steps of which one passes a level."""
-        if steps % self.parts:
-            raise ValueError(
-                f"steps must be a multiple of {self.parts}, the number of parts of the "
-                f"programme, so that each part ends with a step; got {steps}"
-            )
+    def check_steps(self, load_factors: Sequence[float]) -> None:
+        """Refuse steps, given by the load factors at their ends, that pass a level."""
+        for level in range(1, self.parts):
+            off = min(abs(t * self.parts - level) for t in load_factors)
+            if off > _ROUND_OFF * self.parts:
+                raise ValueError(
+                    f"steps must be a multiple of {self.parts}, the number of parts of "
+                    f"the programme, or {self.parts} numbers of steps, so that each "
+                    f"part ends with a step; got {len(load_factors)}"
+                )

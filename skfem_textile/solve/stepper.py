@@ -3,7 +3,7 @@
 import logging
 import os
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from datetime import timedelta
 from functools import cached_property, partial
@@ -20,7 +20,9 @@ from .conditions import Conditions, Constraints, travels
 from .continuation import (
     MOST_PROJECTED,
     Continuation,
+    LoadSteps,
     balanced_at_rest,
+    ends_of_parts,
     initial_guess,
     load_growth,
     loads_drive,
@@ -44,7 +46,7 @@ from .states import (
 from .verdict import CHECKS, Trial
 
 if TYPE_CHECKING:
-    from .checkpoint import Checkpoint
+    from .checkpoint import Checkpoint, RestoredRun
     from .interval import ErrorInterval
 
 log = logging.getLogger(__name__)
@@ -79,8 +81,10 @@ class LoadStepper:
     conditions
         Displacement conditions by name.
     steps
-        Number of equal steps to the load factor 1.  The run has a state at the end of
-        each step, and additional ones where a step was halved.
+        Number of equal steps to the load factor 1; or a sequence of the numbers of
+        equal steps of successive parts, which have equal lengths in the load factor.
+        The run has a state at the end of each step, and additional ones where a step
+        was halved.
     method
         Nonlinear solver: `Newton`, `PlainNewton` or the name of one, ``newton`` or
         ``plain``.
@@ -105,7 +109,7 @@ class LoadStepper:
     ------
     ValueError
         If a condition is not valid at some load factor, tools leave no room for the ply
-        or never touch it (see `check_tools`), ``steps`` is not a whole number
+        or never touch it (see `check_tools`), ``steps`` are not whole numbers
         from 1 to a million, ``max_halvings`` not one from 0 to 30, a method or check is
         unknown, the solver is unknown or not installed, or an argument has the wrong
         type.
@@ -135,7 +139,7 @@ class LoadStepper:
         self,
         ply: Ply,
         conditions: Conditions,
-        steps: int = 20,
+        steps: int | Sequence[int] = 20,
         *,
         method: str | Method = "newton",
         max_halvings: int = 8,
@@ -147,18 +151,20 @@ class LoadStepper:
         solver: str = "auto",
     ) -> None:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
-        _check_arguments(ply, steps, max_halvings, warn_only, callbacks)
+        _check_arguments(ply, max_halvings, warn_only, callbacks)
+        self.steps = _load_steps(steps)
+        self.load_factors = self.steps.ends()[1:]
         chosen = solver_named(solver)
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
         factors = (
             *(getattr(one, "factor", None) for one in conditions.values()),
             *(getattr(one, "factor", None) for one in ply.terms),
+            *(amount for one in ply.terms for amount in getattr(one, "amounts", ())),
         )
         for factor in factors:
             if check := getattr(factor, "check_steps", None):
-                check(int(steps))
-        self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
+                check(self.load_factors)
         release = None
         if any(getattr(one, "until", 1.0) < 1 for one in conditions.values()):
             from .release import release_of
@@ -176,8 +182,7 @@ class LoadStepper:
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
         # Settings, besides the problem, on which the states depend.
-        settings = {
-            "steps": len(self.load_factors),
+        self.settings = {
             "method": repr(self.search.method),
             "max_halvings": max_halvings,
             "warn_only": sorted(warn_only),
@@ -187,17 +192,30 @@ class LoadStepper:
         if checkpoint:
             from . import checkpoint as checkpoints
 
-            self.checkpoint = checkpoints.Checkpoint(checkpoint, problem, settings)
+            self.checkpoint = checkpoints.Checkpoint(
+                *(checkpoint, problem, self.steps, self.settings)
+            )
         self.interval = partial(_interval, self.problem, conditions)
         self._run = Run(self)
 
-    def run(self, resume: bool = False) -> Result:
+    def run(
+        self,
+        resume: bool = False,
+        *,
+        states_of: str | os.PathLike[str] | None = None,
+        until: float = 0.0,
+    ) -> Result:
         """Apply the whole load.
 
         Parameters
         ----------
         resume
             Continue from the last state in the checkpoint, if there is one.
+        states_of
+            Checkpoint of another run, which may differ beyond the load factor
+            ``until``: this run takes its states up to there.  It is not changed.
+        until
+            Load factor between two parts of the ``steps``, or 0.
 
         Raises
         ------
@@ -207,7 +225,8 @@ class LoadStepper:
         CheckpointError
             If the checkpoint is damaged or belongs to another run.
         ValueError
-            If there is no checkpoint to resume from, or a law is not finite at rest.
+            If there is no checkpoint to resume from, a run is resumed and repeated, no
+            part of the steps ends at ``until``, or a law is not finite at rest.
         UserError
             If a user's function raises any exception except ValueError before the first
             state.
@@ -217,9 +236,33 @@ class LoadStepper:
                 "there is no checkpoint to resume from: specify its folder as "
                 "checkpoint"
             )
+        begun = None if states_of is None else self._begun(states_of, resume, until)
         self._run = Run(self)
         with shown(self._run.progress):
-            return self._run(resume)
+            return self._run(resume, begun)
+
+    def _begun(
+        self, folder: Any, resume: bool, until: float
+    ) -> "tuple[Checkpoint, float]":
+        """Checkpoint of a run that is repeated from a load factor on."""
+        if resume:
+            raise ValueError("a run is either resumed or repeated: omit one of them")
+        parts = ends_of_parts(len(self.steps.numbers))[:-1]
+        if until not in parts:
+            raise ValueError(
+                f"until must be a load factor at which a part of the steps begins, "
+                f"{', '.join(f'{t:.6g}' for t in parts)}, got {shortened(until)}"
+            )
+        from .checkpoint import Checkpoint
+
+        other = Checkpoint(folder, self.problem, self.steps, self.settings)
+        ours = self.checkpoint
+        if ours and ours.folder.resolve() == other.folder.resolve():
+            raise ValueError(
+                f"the checkpoint {ours.folder} would replace the run that is repeated: "
+                "choose another folder"
+            )
+        return other, until
 
     @property
     def states(self) -> tuple[State, ...]:
@@ -256,7 +299,7 @@ class Run:
         self._stepper, self._search = stepper, stepper.search
         self.problem = stepper.problem
         self.problem.clock, self._began = Clock(), perf_counter()
-        longest, follows = stepper.load_factors[0], stepper.search.method.follows_path
+        longest, follows = stepper.steps.length(0.0), stepper.search.method.follows_path
         halvings = stepper.max_halvings
         self.continuation = Continuation(longest, halvings, follows, next=longest)
         self.states: list[State] = []
@@ -264,11 +307,11 @@ class Run:
         self._loaded_from = 0.0, self._began  # load factor and time
         self._warned: set[str] = set()
 
-    def __call__(self, resume: bool = False) -> Result:
+    def __call__(self, resume: bool = False, begun: Any = None) -> Result:
         """Apply the whole load; see `LoadStepper.run`."""
         checkpoint, problem = self._stepper.checkpoint, self.problem
         try:
-            if not (resume and self._resume()):
+            if not (resume and self._resume()) and not (begun and self._repeat(*begun)):
                 with np.errstate(all="ignore"):  # non-finite values are detected
                     self._start_at_rest(nothing_to_resume=resume)
             self._loaded_from = self.states[-1].load_factor, perf_counter()
@@ -371,15 +414,34 @@ class Run:
         replay = Replay(problem, self._stepper.initial_guess is not None)
         if not (saved := checkpoint.load(replay)):
             return False
-        self.states, self.continuation = saved.states, saved.progress.continuation
-        last = replay.last
-        last.tangent = tangent_at(last.problem, last.u, last.parameters)
-        # The checkpoint already includes the time of that tangent.
-        problem.clock = last.problem.clock = saved.progress.clock
-        self._start = last.next_start()
-        self._began -= saved.progress.elapsed
+        self._continue(saved, replay.last)
         log.info("resumed at load factor %g", self.states[-1].load_factor)
         return True
+
+    def _repeat(self, other: "Checkpoint", until: float) -> bool:
+        """Start from the states of another run up to a load factor; True."""
+        from .checkpoint import Replay
+
+        replay = Replay(self.problem)
+        begun, checkpoint = other.begun(replay, until), self._stepper.checkpoint
+        if checkpoint:
+            checkpoint.begin()
+            saved = zip(begun.states, begun.progress, strict=True)
+            for number, (state, progress) in enumerate(saved):
+                checkpoint.save(number, state, *progress)
+        self._continue(begun, replay.last)
+        log.info("states up to load factor %g are taken from %s", until, other.folder)
+        return True
+
+    def _continue(self, saved: "RestoredRun", last: Trial) -> None:
+        """Continue after the last state of a checkpoint, with its trial."""
+        progress = saved.progress[-1]
+        self.states, self.continuation = saved.states, progress.continuation
+        last.tangent = tangent_at(last.problem, last.u, last.parameters)
+        # The checkpoint already includes the time of that tangent.
+        self.problem.clock = last.problem.clock = progress.clock
+        self._start = last.next_start()
+        self._began -= progress.elapsed
 
     def _start_at_rest(self, nothing_to_resume: bool) -> None:
         """Start from the ply at rest, in equilibrium and with the conditions applied.
@@ -447,6 +509,7 @@ class Run:
             from .letting_go import estimated_release
 
             t_end = min(t_end, estimated_release(problem, self.states, overloads))
+        self.continuation.enter(self._stepper.steps.length(t_end))
         t = self.continuation.end(last.load_factor, t_end)
         step = t - last.load_factor
         driven = self._search.method.follows_path and loads_drive(
@@ -568,7 +631,6 @@ def _interval(
 
 def _check_arguments(
     ply: Any,
-    steps: Any,
     max_halvings: Any,
     warn_only: Any,
     callbacks: Mapping[str, Callable | None],
@@ -576,7 +638,6 @@ def _check_arguments(
     """Refuse invalid arguments of `LoadStepper`."""
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
-    _refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
     _refuse_unless_whole("max_halvings", max_halvings, 0, _MOST_HALVINGS)
     known = ", ".join(CHECKS)
     # A bare string is also a collection, of its letters.
@@ -590,6 +651,17 @@ def _check_arguments(
     for name, function in callbacks.items():
         if function is not None and not callable(function):
             raise ValueError(f"{name} must be a function, not {function!r}")
+
+
+def _load_steps(steps: Any) -> LoadSteps:
+    """Validated numbers of steps."""
+    if not isinstance(steps, list | tuple):
+        _refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
+        return LoadSteps((int(steps),))
+    for part, number in enumerate(steps, 1):
+        _refuse_unless_whole(f"steps of part {part}", number, 1, _MOST_STEPS)
+    _refuse_unless_whole("the sum of steps", sum(steps), 1, _MOST_STEPS)
+    return LoadSteps(tuple(map(int, steps)))
 
 
 def _checked_guess(guess: Any, ply: Ply) -> ndarray | None:

@@ -237,6 +237,7 @@ Case(scene=scene, fabric=Fabric(10.0, 0.5, scene.warp, scene.weft), steps=1).run
 #: Modules that this run does not use.
 NOT_FORMING = "scenes.shear_test surfaces.triangle_mesh surfaces.repair solve.interval"
 NOT_FORMING += " solve.checkpoint solve.conditioning nets.sheet contact.figures"
+NOT_FORMING += " contact.phases scenes.processes"
 
 
 @pytest.mark.dear("it forms a hemisphere in another process")

@@ -85,6 +85,11 @@ def misspelt():
                 case["scene"] = {"name": choice, "stepz": 1}
         elif table == "[tools]":
             case["tools"], path = [{"surface": choice or "plane", "stepz": 1}], "tool_1"
+        elif table == "[phases]":
+            case["phases"], path = [{"stepz": 1}], "phase_1"
+        elif table == "phases.tools.NAME":
+            phase = {"name": "a", "steps": 1, "tools": {"punch": {"stepz": 1}}}
+            case["phases"], path = [phase], "phase_1.tools.punch"
         elif table == "[clamps]":
             case["clamps"], path = [{"stepz": 1}], "clamp_1"
         elif table.startswith("regions") or table == "vary":

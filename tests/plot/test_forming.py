@@ -8,6 +8,8 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, LoadStepper, Ply, Result, Tool, drape
 from skfem_textile.contact import (
+    Phase,
+    Process,
     box_of,
     placed_tools,
     tool_forces,
@@ -15,7 +17,7 @@ from skfem_textile.contact import (
     travels,
 )
 from skfem_textile.drape import Axes
-from tests.helpers.forming import GAP, RADIUS, SIDE
+from tests.helpers.forming import GAP, RADIUS, SIDE, SYMMETRY, blank
 
 plot = pytest.importorskip("skfem_textile.plot")
 pytest.importorskip("pyvista")
@@ -63,6 +65,33 @@ def test_ply_and_tools_are_drawn_in_three_panels(hemisphere, tmp_path, monkeypat
     assert " ".join(words).count("A, load factor 1.00, punch 15.0 mm") == 3
     assert "0" in words  # of the shear angle only
     assert words.count("0") == 1
+
+
+@pytest.mark.dear("a picture of tools, and a run between tools")
+def test_phases_are_drawn_at_their_ends(tmp_path, monkeypatch):
+    """Two in a row, with the travels there; of a stopped run also its last state."""
+    monkeypatch.setattr(Figure, "savefig", lambda _, file, **__: file.touch())
+    punch = Tool(drape.Sphere(RADIUS, (0, 0, -RADIUS)), name="punch")
+    phases = [Phase(x, 1, {"punch": {"motion": (0, 0, z)}}) for x, z in HEIGHTS.items()]
+    process = Process(phases, [punch])
+    run = LoadStepper(blank(2, terms=process.tools), EDGES, process.steps)
+    result = run.run()
+    for part, seen in (result, 3), (replace(result, states=result.states[:3]), 2):
+        figure = plot.phases(part, process, filename=tmp_path / "phases.pdf")
+        words = " ".join(text.get_text() for text in figure.axes[0].texts)
+        titles = [f"{x}: punch {z:.1f} mm" for x, z in HEIGHTS.items()]
+        assert [title in words for title in titles] == [True] * seen + [False] * (
+            3 - seen
+        )
+    nothing = replace(result, states=result.states[:1])
+    with pytest.raises(ValueError, match="no load step was completed"):
+        plot.phases(nothing, process)
+
+
+#: Travel of the punch in mm at the end of each phase.
+HEIGHTS = {"touch": 1.0, "up": 3.0, "down": 2.0}
+
+EDGES = {name: Condition(name) for name in ("right", "top")} | SYMMETRY
 
 
 def test_every_picture_has_the_travel(hemisphere, tmp_path, monkeypatch):

@@ -76,6 +76,9 @@ def test_steps_that_pass_a_level_are_refused():
     ply = Ply(scene.mesh, Fabric(1e5, LAW, scene.warp, scene.weft))
     with pytest.raises(ValueError, match=r"steps must be a multiple of 3, .* got 10"):
         LoadStepper(ply, scene.conditions, 10)
+    with pytest.raises(ValueError, match=r"or 3 numbers of steps, .* got 6"):
+        LoadStepper(ply, scene.conditions, (2, 4))
+    LoadStepper(ply, scene.conditions, (1, 2, 1))
     pulled = ply.with_terms(Force("top", (0.0, 1.0), Programme([1.0, 0.0])))
     with pytest.raises(ValueError, match="multiple of 2"):
         LoadStepper(pulled, {"held": Condition("bottom")}, 3)

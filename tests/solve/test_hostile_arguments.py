@@ -377,8 +377,10 @@ SETTINGS: tuple[tuple[str, str, tuple[Any, ...]], ...] = (
     (
         "steps must be a whole number from 1 to 1000000, got",
         "steps",
-        (0, 1.5, "3", None, NAN, INF, 1_000_001, 1e300, [2], 2 + 1j),
+        (0, 1.5, "3", None, NAN, INF, 1_000_001, 1e300, 2 + 1j),
     ),
+    ("steps of part 2 must be a whole", "steps", ([2, 0], (1, "x"), [1, [1]])),
+    ("the sum of steps must be a whole number from 1", "steps", ([], [600_000] * 2)),
     ("max_halvings must be a whole number from 0 to 30, got", "max_halvings", (-1, 31)),
     ("unknown method .*: choose one of newton, plain", "method", ("magic",)),
     ("method must be a nonlinear solver or its", "method", (["newton"], PlainNewton)),
@@ -419,6 +421,7 @@ def sound(**settings):
 SOUND_ARGUMENTS = {
     "two steps as a float": sound(steps=2.0),
     "two steps of numpy": sound(steps=np.int64(2)),
+    "two numbers of steps": sound(steps=[2, 1]),
     "checks in a set": sound(warn_only={"work"}),
     "a method as such": sound(method=PlainNewton()),
     "stiffness of numpy": sound(fabric=Fabric(np.float32(10), np.int64(2))),

@@ -54,6 +54,24 @@ def test_a_failed_step_is_halved_and_counted():
     assert result.steps_cut == result.summary()["steps_cut"] >= 2
 
 
+def test_parts_of_equal_length_have_their_numbers_of_steps():
+    reached = load_factors(LoadStepper(*pulled(0.1), (4, 1, 2)).run())
+    parts = [np.linspace(0, 1 / 3, 5), [2 / 3], [5 / 6, 1]]
+    np.testing.assert_allclose(reached, np.concatenate(parts), rtol=1e-14)
+
+
+def test_a_sequence_of_one_number_is_this_number():
+    one, other = (LoadStepper(*pulled(0.1), steps).run() for steps in (3, [3]))
+    assert load_factors(one) == load_factors(other)
+    assert np.array_equal(one.u, other.u)
+
+
+def test_a_step_that_was_halved_keeps_its_share_in_the_next_part():
+    path = Continuation(longest=0.1, halvings=8, follows_path=True, next=0.025)
+    path.enter(0.5)
+    assert (path.longest, path.next) == (0.5, 0.125)
+
+
 def test_steps_grow_again_and_land_on_the_requested_load_factors():
     reached = load_factors(LoadStepper(*pulled(0.5), 5, method=LimitedAtFirst()).run())
     assert set(np.linspace(0, 1, 6)) <= set(reached)

@@ -1,0 +1,176 @@
+"""Declaration of the phases of a process: keys of ``[[phases]]``."""
+
+from collections.abc import Sequence
+from math import radians
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+from msgspec import Meta, field
+
+from .tables import Table, about
+
+if TYPE_CHECKING:
+    from ..contact import Holder, Phase, Tool
+    from ..scenes import Scene
+
+
+class RowsOfTravel(Table):
+    """Value by rows of the travel of a tool."""
+
+    travel_of: Annotated[str, about("name of the tool")]
+    rows: Annotated[
+        tuple[tuple[float, float], ...],
+        about("travel from the initial position in mm, and value"),
+    ]
+
+
+#: A number, rows of the share of a phase and number, or rows of a travel.
+InPhase: TypeAlias = float | tuple[tuple[float, float], ...] | RowsOfTravel
+
+_ROWS = (
+    "at the end of the phase, reached linearly; or rows of the share of the phase, 0 "
+    "to 1, and value; or {travel_of = NAME, rows}, rows of the travel of a tool and "
+    "value"
+)
+
+
+class ToolInPhase(Table):
+    """Changes of a tool in a phase; the rest keeps its value."""
+
+    motion_mm: Annotated[
+        tuple[float | tuple[float, float, float, float], ...] | None,
+        about(
+            "translation x, y, z from the initial position at the end of the phase, "
+            "reached linearly; or rows of the share of the phase, 0 to 1, x, y, z"
+        ),
+    ] = None
+    motion_deg: Annotated[
+        InPhase | None,
+        about(f"rotation about the axis of the tool, by default z, {_ROWS}"),
+    ] = None
+    gap_mm: Annotated[InPhase | None, about(f"gap of a holder, {_ROWS}")] = None
+    pressure_N_per_mm2: Annotated[
+        InPhase | None, about(f"pressure of a holder, {_ROWS}")
+    ] = None
+    force_N: Annotated[InPhase | None, about(f"force of a holder, {_ROWS}")] = None
+    friction: Annotated[
+        InPhase | None,
+        about("coefficient of friction in the whole phase, or rows as above"),
+    ] = None
+
+    def build(self) -> dict[str, Any]:
+        """Values by the names of `contact.Phase`, angles in radians."""
+        built = {
+            _NAMES[key]: built_value(value)
+            for key in self.__struct_fields__
+            if (value := getattr(self, key)) is not None
+        }
+        if "rotation" in built:
+            built["rotation"] = _in_radians(built["rotation"])
+        return built
+
+
+# Names in Python.
+_NAMES = {
+    "motion_mm": "motion",
+    "motion_deg": "rotation",
+    "gap_mm": "gap",
+    "pressure_N_per_mm2": "pressure",
+    "force_N": "force",
+    "friction": "friction",
+}
+
+
+class PhaseTable(Table):
+    """Phase of a process, in which tools move and loads change."""
+
+    name: Annotated[str, about("name of the phase")]
+    steps: Annotated[Annotated[int, Meta(ge=1)], about("number of its load steps")]
+    loads: Annotated[
+        InPhase | None,
+        about(f"factor of the forces and the weight in [loads], {_ROWS}"),
+    ] = None
+    tools: Annotated[
+        dict[str, ToolInPhase],
+        about("what changes of each tool, in tables [phases.tools.NAME]"),
+    ] = field(default_factory=dict)
+
+    def build(self) -> "Phase":
+        """The phase."""
+        from ..contact import Phase
+
+        tools = {name: tool.build() for name, tool in self.tools.items()}
+        return Phase(self.name, self.steps, tools, built_value(self.loads))
+
+
+def built_value(value: Any) -> Any:
+    """A value in a phase as in Python."""
+    if not isinstance(value, RowsOfTravel):
+        return value
+    from ..contact import OverTravel
+
+    return OverTravel(value.travel_of, value.rows)
+
+
+def _in_radians(value: Any) -> Any:
+    """An angle, or the angles in rows, in radians."""
+    if isinstance(value, int | float):
+        return radians(value)
+    if not isinstance(value, tuple):
+        return type(value)(value.tool, _in_radians(value.rows))
+    return tuple((at, radians(angle)) for at, angle in value)
+
+
+# Axis of rotation of the tools of a scene.
+_UP = (0.0, 0.0, 1.0)
+
+
+def in_phases(scene: "Scene", file: Any, tools: Sequence["Tool | Holder"]) -> "Scene":
+    """Scene whose tools, and the tools of the case, move and press in phases.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    file
+        The case, with phases.
+    tools
+        Its tools.
+
+    Raises
+    ------
+    ValueError
+        If there are no tools, or no loads of which a phase states the factor; see also
+        `Process`.
+    """
+    from ..scenes import in_phases as follow
+
+    if not (scene.tools or tools):
+        raise ValueError(
+            f"[[phases]] do not apply to the scene {scene.name}, which has no tools: "
+            "use stepping.programme, or another scene"
+        )
+    phases = [phase.build() for phase in file.phases]
+    stated = file.loads.force_N or file.loads.weight_N_per_mm2 is not None
+    for phase in phases:
+        if phase.loads is not None and not stated:
+            raise ValueError(
+                f"phase {phase.name!r} states a factor of the loads, but there are "
+                "none: state them in [loads]"
+            )
+    origin = scene.axes.origin
+    axes: Any = {tool.name: (_UP, -origin) for tool in scene.tools}
+    for tool, table in zip(tools, file.tools, strict=True):
+        axes[tool.name] = table.motion_axis, table.motion_point_mm - origin
+    return follow(scene, phases, tools, axes)
+
+
+def furthest(phases: Sequence[PhaseTable], tool: str) -> float | None:
+    """The largest motion of a tool along z in mm, with its sign; None if not moved."""
+    moved = (phase.tools[tool].motion_mm for phase in phases if tool in phase.tools)
+    heights = [
+        row[-1] if isinstance(row, tuple) else row
+        for rows in moved
+        if rows
+        for row in (rows if isinstance(rows[0], tuple) else rows[-1:])
+    ]
+    return max(heights, key=abs) if heights else None

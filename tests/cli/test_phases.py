@@ -1,0 +1,129 @@
+"""Runs of processes on the command line: files by phase, and repeated phases."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from skfem_textile.cli.main import main
+
+PHASES = """
+[scene]
+name = "hemisphere_forming"
+width_mm = 180
+height_mm = 180
+radius_mm = 40
+part = "quarter"
+
+[mesh]
+size = [3, 3]
+
+[[phases]]
+name = "lift"
+steps = 1
+tools.punch.motion_mm = [0, 0, 4]
+
+[[phases]]
+name = "press"
+steps = 1
+tools.punch.motion_mm = [0, 0, 6]
+tools.holder.gap_mm = 0.2
+"""
+
+
+def rows(file):
+    return [*csv.DictReader(file.read_text(encoding="utf-8").splitlines())]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Folder of a run with a checkpoint, and its case beside it."""
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "case.toml").write_text(PHASES)
+    words = ["run", str(folder / "case.toml"), "--no-render", "--checkpoint"]
+    assert main([*words, "--out", str(folder / "out")]) == 0
+    return folder
+
+
+def test_history_and_table_contain_the_phases(run):
+    history, table = rows(run / "out" / "history.csv"), rows(run / "out" / "phases.csv")
+    assert [row["phase"] for row in history] == ["lift", "lift", "press"]
+    assert [row["phase"] for row in table] == ["lift", "press"]
+    assert [row["punch_travel_mm"] for row in table] == ["4", "6"]
+    assert table[1]["punch_force_N"] == history[2]["punch_force_N"]
+
+
+def test_the_report_contains_the_table(run, capsys):
+    assert main(["report", str(run / "out")]) == 0
+    page = (run / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<h2>Phases</h2>" in page
+    assert "<th>phase</th><th>lift</th><th>press</th>" in page
+    assert ">max_draw_in_mm<" in page
+
+
+def test_a_run_without_phases_has_no_table(tmp_path, capsys):
+    words = "run strip --size 2x2 --steps 1 --no-render --out"
+    assert main([*words.split(), str(tmp_path / "out")]) == 0
+    assert not (tmp_path / "out" / "phases.csv").exists()
+    assert "phase" not in (tmp_path / "out" / "history.csv").read_text()
+
+
+CHANGED = "phases.press.tools.punch.motion_mm=[0, 0, 5]"
+
+
+def repeat(run, out, *words, old="out", text=PHASES, change=CHANGED):
+    case = out / "other.toml"
+    case.write_text(text)
+    at = ["--from", str(run / old), "--set", change, *words]
+    return main(["run", str(case), "--no-render", "--out", str(out / "new"), *at])
+
+
+@pytest.mark.dear("a second run between tools")
+def test_a_phase_is_repeated_with_another_value(run, tmp_path, capsys):
+    before = {file: file.read_bytes() for file in run.rglob("*") if file.is_file()}
+    assert repeat(run, tmp_path, "--phase", "press") == 0
+    assert all(file.read_bytes() == content for file, content in before.items())
+    new, old = (rows(x / "phases.csv") for x in (tmp_path / "new", run / "out"))
+    assert new[0] == old[0]
+    assert new[1]["punch_force_N"] != old[1]["punch_force_N"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("phases.pres.steps=2", "no table 'pres' in [[phases]], but lift, press"),
+        ("phases.press=2", "no table 'press' in [[phases]]"),
+        ("phases.press.steps.x=2", "steps is a value, not a table"),
+    ],
+)
+def test_a_key_that_is_not_in_a_phase_is_refused(tmp_path, capsys, change, message):
+    assert repeat(tmp_path, tmp_path, "--phase", "press", change=change) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "--from and --phase belong together"),
+        (["--phase", "pres"], "there is no phase 'pres': choose from lift, press"),
+        (["--phase", "press", "--resume"], "omit --from and --phase"),
+    ],
+)
+def test_invalid_repeats_are_refused(run, tmp_path, capsys, words, message):
+    assert repeat(run, tmp_path, *words) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_folder_without_a_checkpoint_is_refused(run, tmp_path, capsys):
+    Path(tmp_path / "empty").mkdir()
+    assert repeat(tmp_path, tmp_path, "--phase", "press", old="empty") == 2
+    assert (
+        "contains no checkpoint: run its case with --check" in capsys.readouterr().err
+    )
+
+
+def test_another_run_before_the_phase_is_refused(run, tmp_path, capsys):
+    other = PHASES.replace("[0, 0, 4]", "[0, 0, 3]")
+    assert repeat(run, tmp_path, "--phase", "press", text=other) == 2
+    assert "values of the motion of 'punch' differ" in capsys.readouterr().err
