@@ -10,6 +10,8 @@ A ply in its plane has d = 2, a ply in space d = 3.  The functions determine d f
 shape of ``F``.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy import ndarray
 from skfem.helpers import cross, ddot, det, dot, mul
@@ -86,7 +88,7 @@ def fibre_strain(F: ndarray, A: ndarray) -> ndarray:
     A
         Unit reference direction of the fibre, shape (2, ...).
     """
-    a = fibre(F, A)
+    a = mul(F, A)
     return 0.5 * np.log(dot(a, a))
 
 
@@ -140,17 +142,46 @@ def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     A1, A2
         Unit reference directions of warp and weft, shape (2, ...).
     """
-    a1, a2 = fibre(F, A1), fibre(F, A2)
-    if len(F) == 2:
-        return _angle(A1, A2) - _angle(a1, a2)
+    return _closing(fibre(F, A1), fibre(F, A2), A1, A2)
+
+
+def _closing(a1: ndarray, a2: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
+    """Shear angle of the fibre vectors a₁ and a₂, see `shear_angle`."""
+    at_rest = np.arctan2(side := cross(A1, A2), dot(A1, A2))
     n = cross(a1, a2)
-    return _angle(A1, A2) - _side(A1, A2) * np.arctan2(np.sqrt(dot(n, n)), dot(a1, a2))
+    if len(a1) == 2:
+        return at_rest - np.arctan2(n, dot(a1, a2))
+    return at_rest - np.sign(side) * np.arctan2(np.sqrt(dot(n, n)), dot(a1, a2))
 
 
 def cos_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     """Cosine of the angle ∠(a₁, a₂) at which the families cross."""
-    a1, a2 = fibre(F, A1), fibre(F, A2)
-    return dot(a1, a2) / np.sqrt(dot(a1, a1) * dot(a2, a2))
+    return both_fibres(F, A1, A2).cos_angle
+
+
+class BothFibres(NamedTuple):
+    """Deformation of warp and weft, from one computation of their vectors.
+
+    ``strain`` and ``stretch`` have the shape (2, ...), the shear angle and the cosine
+    of the angle ∠(a₁, a₂), at which the families cross, the shape (...).
+    """
+
+    strain: ndarray
+    stretch: ndarray
+    shear_angle: ndarray
+    cos_angle: ndarray
+
+
+def both_fibres(F: ndarray, A1: ndarray, A2: ndarray) -> BothFibres:
+    """Strains, stretches and angles of both families; arguments of `shear_angle`."""
+    a1, a2 = mul(F, A1), mul(F, A2)
+    squared = np.array([dot(a1, a1), dot(a2, a2)])
+    return BothFibres(
+        0.5 * np.log(squared),
+        np.sqrt(squared),
+        _closing(a1, a2, A1, A2),
+        dot(a1, a2) / np.sqrt(squared[0] * squared[1]),
+    )
 
 
 def shear_angle_d(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
@@ -214,11 +245,6 @@ def crossing(
     s = np.sqrt(dot(normal, normal))
     g1, g2 = (e2 - c * e1) / (s * length1), (e1 - c * e2) / (s * length2)
     return g1, g2, normal / s, (c, s)
-
-
-def _angle(b: ndarray, c: ndarray) -> ndarray:
-    """Angle from b to c in (−π, π], both in the plane."""
-    return np.arctan2(cross(b, c), dot(b, c))
 
 
 def _side(A1: ndarray, A2: ndarray) -> ndarray:

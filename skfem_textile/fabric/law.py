@@ -369,7 +369,7 @@ class TwoLaws(BiaxialLaw):
 
     def of_family(self, family: int, strain: Any = (0.0, 0.0)) -> Law:
         """Law of the family."""
-        return self.laws[family]
+        return (self.warp, self.weft)[family]
 
     @property
     def n_slips(self) -> int:
@@ -395,9 +395,11 @@ class TwoLaws(BiaxialLaw):
         return low, high
 
     def _each(self, part: str, strain: ndarray) -> list[ndarray]:
+        pairs = zip((self.warp, self.weft), strain, strict=True)
+        each = [(getattr(law, part)(x), np.shape(x)) for law, x in pairs]
         return [
-            np.broadcast_to(getattr(law, part)(x), np.shape(x))
-            for law, x in zip(self.laws, strain, strict=True)
+            x if np.shape(x) == shape else np.broadcast_to(x, shape)
+            for x, shape in each
         ]
 
 

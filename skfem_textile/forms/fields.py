@@ -161,6 +161,9 @@ class FabricOnBasis:
         self, basis: CellBasis, fabric: Fabric, means: MeanBasis | None = None
     ) -> None:
         self.basis, self.fabric, self.means = basis, fabric, means
+        # Gradients of the shape functions and directions, by the points' coordinates.
+        self._gradients: dict[bytes, ndarray] = {}
+        self._directions: dict[bytes, tuple[ndarray, ndarray]] = {}
         self.mesh, elements = basis.mesh, basis.tind
         self._element = None if elements is None else elements[:, None]
         if elements is not None:
@@ -210,9 +213,11 @@ class FabricOnBasis:
         basis = self.basis
         xi = basis.X if points is None else points
         vector: Any = basis.elem
-        scalar = vector.elem
+        scalar, key = vector.elem, xi.tobytes()
         n_nodes = len(scalar.doflocs)
-        dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
+        if (dN := self._gradients.get(key)) is None:
+            dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
+            self._gradients[key] = dN
         nodal = u[basis.element_dofs].reshape(n_nodes, vector.dim, -1)
         du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
         inverse = basis.mapping.invDF(xi, basis.tind)
@@ -257,7 +262,7 @@ class FabricOnBasis:
         if basis is None:
             return strain
         stretch = np.exp(basis.from_ply_points(strain))
-        means = mean(basis.default_parameters(), stretch)
+        means = mean({"share": basis.share}, stretch)
         return basis.to_ply_points(np.broadcast_to(np.log(means), stretch.shape))
 
     def fibre_tension(self, u: ndarray, parameters: Any = None) -> ndarray:
@@ -285,8 +290,10 @@ class FabricOnBasis:
     def directions(self, points: ndarray | None = None) -> tuple[ndarray, ndarray]:
         """Unit reference directions of warp and weft at the points."""
         xi = self.basis.X if points is None else points
-        x = self.basis.mapping.F(xi, self.basis.tind)
-        return self.fabric.directions(x, self._element)
+        if (key := xi.tobytes()) not in self._directions:
+            x = self.basis.mapping.F(xi, self.basis.tind)
+            self._directions[key] = self.fabric.directions(x, self._element)
+        return self._directions[key]
 
 
 def on_basis(

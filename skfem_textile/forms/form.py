@@ -402,11 +402,14 @@ def builds_forms(
     return decorate
 
 
+_signature = cache(signature)
+
+
 def _checked_arguments(
     function: Callable, *args: Any, **kwargs: Any
 ) -> Mapping[str, Any]:
     """Arguments by name; a ValueError for a fabric or stiffness of the wrong type."""
-    expected, name = signature(function), function.__name__
+    expected, name = _signature(function), function.__name__
     try:
         arguments = expected.bind(*args, **kwargs).arguments
     except TypeError as error:

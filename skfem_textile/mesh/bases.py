@@ -8,7 +8,7 @@ quadrilaterals into which an element was split.  Elements fold first at their co
 """
 
 from copy import copy
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from typing import Any
 
@@ -283,7 +283,8 @@ def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
     ndarray
         Shape (d, 2, n_elements, n_points).
     """
-    gradient, d = 0.0, components(basis)
+    element: Any = basis.elem
+    gradient, d = 0.0, element.dim
     nodal = u[basis.element_dofs].reshape(-1, d, 1, basis.nelems, 1)
     for of_node, (function, *_) in zip(nodal, basis.basis[::d], strict=True):
         gradient = gradient + of_node * np.asarray(function.grad)[0]
@@ -305,10 +306,21 @@ class MeanBasis(CellBasis):
 
     parts: ndarray | None = None
 
+    @classmethod
+    def at_points_of(cls, basis: CellBasis) -> "MeanBasis":
+        """The basis of the same functions and points as another one."""
+        means = cls.__new__(cls)
+        vars(means).update(vars(basis))
+        return means
+
+    @cached_property
+    def share(self) -> ndarray:
+        """Area fraction of each point in its element, shape (n_elements, n_points)."""
+        return self.dx / self.dx.sum(axis=1, keepdims=True)
+
     def default_parameters(self) -> dict[str, Any]:
         """Positions, area fractions and, for macro-elements, the quadrilaterals."""
-        share = self.dx / self.dx.sum(axis=1, keepdims=True)
-        fields = {"x": self.global_coordinates(), "share": share}
+        fields = {"x": self.global_coordinates(), "share": self.share}
         return fields if self.parts is None else fields | {"element": self.parts}
 
     def from_ply_points(self, x: ndarray) -> ndarray:
@@ -517,12 +529,9 @@ class Corners:
     """
 
     def __init__(self, basis: CellBasis) -> None:
-        scalar: Any = basis.elem
-        scalar, points = scalar.elem, scalar.elem.doflocs.T
-        dN = [scalar.lbasis(points, i)[1] for i in range(len(scalar.doflocs))]
-        tangents = np.array(dN).transpose(2, 1, 0).reshape(-1, len(dN))
-        self._edges, edge_of = np.unique(tangents, axis=0, return_inverse=True)
-        self._pairs = edge_of.reshape(-1, 2)
+        vector: Any = basis.elem
+        kind: Any = type(vector.elem)
+        self._edges, self._pairs = _edges_at_nodes(kind)
         self._d = d = components(basis)
         self._nodes = basis.element_dofs[::d] // d
         self._X = np.ascontiguousarray(node_positions(basis).T)
@@ -575,6 +584,19 @@ class Corners:
         edges = [self._edges @ component[self._nodes] for component in x.T]
         first, second = np.array(edges)[:, self._pairs].transpose(2, 0, 1, 3)
         return cross(first, second)
+
+
+@cache
+def _edges_at_nodes(element: type[Element]) -> tuple[ndarray, ndarray]:
+    """Weights of the nodes in ∂x/∂ξ and ∂x/∂η at the nodes of an element.
+
+    Distinct weights, and the numbers of both at each node.
+    """
+    scalar: Any = element()
+    dN = [scalar.lbasis(scalar.doflocs.T, i)[1] for i in range(len(scalar.doflocs))]
+    tangents = np.array(dN).transpose(2, 1, 0).reshape(-1, len(dN))
+    edges, edge_of = np.unique(tangents, axis=0, return_inverse=True)
+    return edges, edge_of.reshape(-1, 2)
 
 
 def sided(vectors: ndarray, normals: ndarray) -> ndarray:

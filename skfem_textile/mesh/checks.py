@@ -9,7 +9,7 @@ from skfem import Element, ElementQuad1, ElementTriP1, Mesh
 from skfem.helpers import det
 
 from .bases import GAUSS
-from .overlap import boundary_of, cells_within, overlap_of
+from .overlap import boundary_of, cells_within, is_convex, overlap_of
 from .scikit_fem import with_names
 from .selection import named_nodes
 
@@ -169,6 +169,8 @@ def _refuse_names(what: str, numbers: ndarray, n: int) -> None:
 def _refuse_overlap(mesh: Mesh, cell: str) -> None:
     """Refuse a mesh that overlaps itself, or touches itself except along cuts."""
     boundary = boundary_of(mesh)
+    if is_convex(boundary):
+        return
     found = overlap_of(boundary)
     if found is None:
         raise MeshError(

@@ -30,6 +30,10 @@ _PAIRS_AT_A_TIME = 1_000_000
 # over the length of the edge.  Chosen: inside the cell, and far above rounding.
 _INSIDE = 1e-3
 
+# Turn of a convex boundary to the right that is rounding, and the sharpest turn to the
+# left at which its edges do not coincide within `_COINCIDENT`, in radians.
+_STRAIGHT, _SHARPEST = 1e-9, 2.5
+
 
 class Boundary:
     """Boundary edges of a mesh, each with the mesh on its left.
@@ -101,6 +105,21 @@ class Overlap:
     crossing: ndarray
     hanging: ndarray
     doubled: ndarray
+
+
+def is_convex(boundary: Boundary) -> bool:
+    """True if the boundary is one convex loop, which does not touch itself.
+
+    Followed around, it turns left at each node, once around altogether.
+    """
+    start, end = boundary.ends
+    order = np.argsort(start)
+    following = order[np.searchsorted(start[order], end)]
+    (x, y), (dx, dy) = boundary.along, boundary.along[:, following]
+    turn = np.arctan2(x * dy - y * dx, x * dx + y * dy)
+    single = len(np.unique(start)) == len(start)
+    once = turn.min() >= -_STRAIGHT and turn.max() <= _SHARPEST
+    return single and bool(once and turn.sum() < 3 * np.pi)
 
 
 def overlap_of(boundary: Boundary) -> Overlap | None:

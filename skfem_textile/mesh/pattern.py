@@ -5,6 +5,7 @@ one block, below the diagonal.  Zero entries are kept.
 """
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from functools import cached_property
 from itertools import combinations_with_replacement
 from typing import Any, NamedTuple
@@ -159,8 +160,7 @@ class Pattern:
 
     def matrix(self, blocks: ndarray) -> csr_matrix:
         """Assembled matrix."""
-        K = self._whole
-        return csr_matrix((blocks.ravel()[K.data], K.indices, K.indptr), K.shape)
+        return with_data(self._whole, blocks.ravel()[self._whole.data])
 
     @cached_property
     def _whole(self) -> csr_matrix:
@@ -214,6 +214,16 @@ def matrix_of_slots(
     """Sorted matrix whose data are indices (slots) of its entries in an array."""
     matrix = coo_matrix((slots, (row, col)), shape).tocsr()
     matrix.sort_indices()
+    return matrix
+
+
+def with_data(pattern: Any, data: ndarray) -> Any:
+    """A sparse matrix with the sparsity pattern of another one, which they share.
+
+    The constructors of SciPy check the indices, which takes longer than a product.
+    """
+    matrix = copy(pattern)
+    matrix.data = data
     return matrix
 
 

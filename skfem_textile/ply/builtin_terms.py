@@ -15,6 +15,7 @@ from skfem.helpers import cross
 from ..fabric import Fabric
 from ..fabric.fabric import is_law
 from ..fabric.law import LARGEST_CURVATURE, law_at
+from ..forms.form import Forms
 from ..forms.in_plane import RESISTING, corner_resistance
 from ..forms.kernels.elements import hourglass_mode
 from ..forms.kernels.kernel import node_pair_blocks
@@ -50,10 +51,14 @@ class CornerTerm(ElementTerm):
     name, role = "corners", "internal"
 
     def __init__(self, stiffness: float, basis: CellBasis, corners: Corners) -> None:
-        self._forms = corner_resistance(stiffness)
-        self._basis, self._corners = basis, corners
+        self._stiffness, self._basis, self._corners = stiffness, basis, corners
         self._d = d = components(basis)
         self.nodes = basis.element_dofs[::d] // d
+
+    @cached_property
+    def _forms(self) -> Forms:
+        """Forms of the closing corners, of which most plies have none."""
+        return corner_resistance(self._stiffness)
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """κ Σ A/n b(det F)."""

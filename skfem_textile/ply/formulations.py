@@ -527,8 +527,8 @@ class Quadratic(declared.Quadratic, Pointwise):
         """Tension at each point, or evaluated at the mean stretch."""
         if self.deviation is None:
             return super().tension_term(basis, fabric)
-        means, every = _mean_basis(basis, basis.quadrature), np.arange(basis.nelems)
-        return mean_tension_term(fabric, self.deviation, means, every)
+        means = MeanBasis.at_points_of(basis)
+        return mean_tension_term(fabric, self.deviation, means, np.arange(basis.nelems))
 
 
 def _height_of_layer(mesh: Mesh) -> float:

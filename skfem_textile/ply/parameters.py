@@ -401,19 +401,16 @@ class HeldStiffness(TermParameters):
         """
         w, A, fabric, of_means = self._undeformed
         F = kin.deformation_gradient(displacement_gradient(self._basis, u))
-        angle, law = kin.shear_angle(F, *A), fabric.tensions
-        G = mean(w, type(self).of_shear(fabric.shear_law, angle))
-        strain = np.array([kin.fibre_strain(F, a) for a in A])
+        strain, stretch, angle, cos_angle = kin.both_fibres(F, *A)
+        G, law = mean(w, type(self).of_shear(fabric.shear_law, angle)), fabric.tensions
         slopes = [mean_slope(law.of_family(i, strain), strain[i]) for i in range(2)]
-        stretch = np.array([kin.stretch(F, a) for a in A])
         mean_stretch = mean(w, stretch)
         if tension is None:
             T = np.array(of_means.tensions.value(np.log(mean_stretch)))
         else:
             T = mean_stretch * mean(w, tension / stretch)
         E = mean(w, np.array(slopes))
-        cos_angle = mean(w, np.abs(kin.cos_angle(F, *A)))
-        return Values({self.name: self._of(G, E, T, cos_angle)})
+        return Values({self.name: self._of(G, E, T, mean(w, np.abs(cos_angle)))})
 
     @cached_property
     def _undeformed(

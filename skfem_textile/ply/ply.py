@@ -149,10 +149,9 @@ class Ply(SumOfTerms):
         if (kappa := corner_stiffness(fabric, self.basis)) > 0:
             corners = CornerTerm(kappa, self.basis, self.corners)
         needed = self._needed_terms(tension, corners)
-        for term in needed:  # rejects invalid directions
-            if isinstance(term, FormTerm):
-                parameters = term.basis.default_parameters()
-                directions(fabric, FormExtraParams(parameters))
+        bases = {term.basis: None for term in needed if isinstance(term, FormTerm)}
+        for of_term in bases:  # rejects invalid directions
+            directions(fabric, FormExtraParams(of_term.default_parameters()))
         self.user_terms = tuple(terms)
         every = *needed, *self.user_terms
         super().__init__(self.basis, fabric, every, tension)

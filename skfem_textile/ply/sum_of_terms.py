@@ -100,6 +100,7 @@ class SumOfTerms(FabricOnBasis):
         self._declared = {
             x.name: x.parameters for x in self._terms if x.parameters is not None
         }
+        self._d = components(basis)
         self._last = np.empty(0), dict[IntegrationPoints, FibreDeformation]()
 
     @property
@@ -198,14 +199,14 @@ class SumOfTerms(FabricOnBasis):
             for term in self._kinds.by_matrix
             for nodes in coupled_nodes(term, self.basis)
         ]
-        d = components(self.basis)
+        d = self._d
         return Pattern(d, self.basis.N // d, elements, couples)
 
     @cached_property
     def _kinds(self) -> _Kinds:
-        form_terms = [x for x in self.terms if isinstance(x, FormTerm)]
+        form_terms = [x for x in self._terms if isinstance(x, FormTerm)]
         by_kernel = [x for x in form_terms if x.kernel is not None]
-        others = [x for x in self.terms if x not in by_kernel]
+        others = [x for x in self._terms if x not in by_kernel]
         by_element = [x for x in others if isinstance(x, ElementTerm)]
         by_matrix = [x for x in others if x not in by_element]
         return _Kinds(shared_groups(by_kernel), by_kernel, by_element, by_matrix)
@@ -215,7 +216,7 @@ class SumOfTerms(FabricOnBasis):
         terms: Sequence[Term],
         u: ndarray,
         t: float,
-        parameters: PlyParameters | None,
+        parameters: PlyParameters,
         tension: ndarray | None = None,
     ) -> Iterator[list[KernelState]]:
         """Kernel states of the given terms, for each group of elements.
@@ -233,7 +234,7 @@ class SumOfTerms(FabricOnBasis):
                     continue
                 new = [p for p in points if p not in last[1]]
                 last[1].update(zip(new, group.deformations(u, new), strict=True))
-                w = {"t": t, **self._values(term, parameters)}
+                w = {"t": t, **parameters.get(term.name, NO_VALUES)}
                 if term is self._tension and tension is not None:
                     w["tension"] = tension
                 fibres = [last[1][p] for p in points]
@@ -241,17 +242,26 @@ class SumOfTerms(FabricOnBasis):
             if states:
                 yield states
 
-    def _values(self, term: Term, parameters: PlyParameters | None) -> Values:
-        """Values of a term; by default those at rest."""
-        if parameters is None:
-            parameters = self.parameters_at_rest
-        return parameters.get(term.name, NO_VALUES)
-
     def energies(
-        self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        parameters: PlyParameters | None = None,
+        terms: Sequence[Term] | None = None,
     ) -> dict[str, float]:
-        """Energy of each term in N·mm, by name."""
-        return {x.name: self.energy(u, t, parameters, [x]) for x in self.terms}
+        """Energy of each term in N·mm, by name; see `residual`."""
+        self.refuse_other(u)
+        p = self.parameters_at_rest if parameters is None else parameters
+        energies = {}
+        for term in self._terms if terms is None else terms:
+            values = p.get(term.name, NO_VALUES)
+            if term in self._kinds.by_kernel:
+                groups = self._states([term], u, t, p)
+                energy = sum(x.kernel.energy(x) for group in groups for x in group)
+                energies[term.name] = energy + float(values.get("work", 0.0))
+            else:
+                energies[term.name] = term.energy(u, t, values)
+        return energies
 
     def energy(
         self,
@@ -261,22 +271,13 @@ class SumOfTerms(FabricOnBasis):
         terms: Sequence[Term] | None = None,
     ) -> float:
         """Energy in N·mm, including potentials of loads; see `residual`."""
-        self.refuse_other(u)
-        energy = 0.0
-        for term in self.terms if terms is None else terms:
-            if term in self._kinds.by_kernel:
-                groups = self._states([term], u, t, parameters)
-                energy += sum(x.kernel.energy(x) for group in groups for x in group)
-                energy += float(self._values(term, parameters).get("work", 0.0))
-            else:
-                energy += term.energy(u, t, self._values(term, parameters))
-        return energy
+        return sum(self.energies(u, t, parameters, terms).values(), 0.0)
 
     def residuals(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> dict[str, ndarray]:
         """Nodal forces of each term in N, by name."""
-        return {x.name: self.residual(u, t, parameters, [x]) for x in self.terms}
+        return {x.name: self.residual(u, t, parameters, [x]) for x in self._terms}
 
     def residual(
         self,
@@ -297,32 +298,32 @@ class SumOfTerms(FabricOnBasis):
             Terms to sum; by default all.
         """
         self.refuse_other(u)
-        terms, d = self.terms if terms is None else terms, components(self.basis)
-        f = np.zeros(len(u))
-        for states in self._states(terms, u, t, parameters):
+        p = self.parameters_at_rest if parameters is None else parameters
+        terms, d, f = self._terms if terms is None else terms, self._d, np.zeros(len(u))
+        for states in self._states(terms, u, t, p):
             local, nodes = element_forces(states), states[0].group.nodes.ravel()
             for i in range(d):
                 f[i::d] += np.bincount(nodes, local[:, i].ravel(), len(f) // d)
         for term in terms:
             if term not in self._kinds.by_kernel:
-                f = f + term.residual(u, t, self._values(term, parameters))
+                f = f + term.residual(u, t, p.get(term.name, NO_VALUES))
         return f
 
     def parts(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> list[Contribution]:
         """All terms except loads, with deviations from means listed separately."""
+        p = self.parameters_at_rest if parameters is None else parameters
         parts, deviations = [], []
-        for term in self.terms:
-            if term.role == "load":
-                continue
-            energy = self.energy(u, t, parameters, [term])
-            forces = self.residual(u, t, parameters, [term])
+        terms = [term for term in self._terms if term.role != "load"]
+        energies = self.energies(u, t, p, terms)
+        for term in terms:
+            energy = energies[term.name]
+            forces = self.residual(u, t, p, [term])
             if isinstance(term, TensionTerm) and term.of_means is not None:
-                p = self._values(term, parameters)
                 of_term = energy, forces
-                means = {term.name: Values({**p, **term.of_means})}
-                energy = self.energy(u, t, means, [term])
+                means = {term.name: Values({**p[term.name], **term.of_means})}
+                energy = self.energies(u, t, means, [term])[term.name]
                 forces = self.residual(u, t, means, [term])
                 remainder = of_term[0] - energy, of_term[1] - forces
                 deviations.append(Contribution("deviation", *remainder))
@@ -333,7 +334,7 @@ class SumOfTerms(FabricOnBasis):
         self, u: ndarray, t: float, parameters: PlyParameters | None = None
     ) -> ndarray:
         """Nodal forces of the loads in N."""
-        loads = [term for term in self.terms if term.role == "load"]
+        loads = [term for term in self._terms if term.role == "load"]
         return -self.residual(u, t, parameters, loads)
 
     def tangent(
@@ -379,10 +380,11 @@ class SumOfTerms(FabricOnBasis):
             ones.
         """
         self.refuse_other(u)
+        p = self.parameters_at_rest if parameters is None else parameters
         matrices: Iterable[ndarray | None] = chain(
-            map(element_matrices, self._states(self.terms, u, t, parameters, tension)),
+            map(element_matrices, self._states(self._terms, u, t, p, tension)),
             (
-                x.matrices(u, t, self._values(x, parameters))
+                x.matrices(u, t, p.get(x.name, NO_VALUES))
                 for x in self._kinds.by_element
             ),
         )
@@ -390,7 +392,7 @@ class SumOfTerms(FabricOnBasis):
             matrices = map(positive_part, matrices)
         blocks = self.pattern.sum(matrices)
         for term in self._kinds.by_matrix:
-            K = term.tangent(u, t, self._values(term, parameters))
+            K = term.tangent(u, t, p.get(term.name, NO_VALUES))
             if K is not None:
                 self.pattern.add(blocks, K, term.name)
         return blocks
@@ -418,9 +420,9 @@ class SumOfTerms(FabricOnBasis):
         if (term := self._tension) is None:
             return np.zeros((2, *self.basis.dx.shape))
         T = np.zeros((2, *term.basis.dx.shape))
+        p = self.parameters_at_rest if parameters is None else parameters
         before, after = (
-            [x for (x,) in self._states([term], at, 1.0, parameters)]
-            for at in (u, u + du)
+            [x for (x,) in self._states([term], at, 1.0, p)] for at in (u, u + du)
         )
         for x, y in zip(before, after, strict=True):
             at_points = term.kernel.predicted_tension(x, y)
@@ -463,7 +465,7 @@ class SumOfTerms(FabricOnBasis):
     def nodal(self, u: ndarray) -> ndarray:
         """DOF vector as one column per node of ``nodes``, shape (d, n_nodes)."""
         self.refuse_other(u)
-        return u.reshape(-1, components(self.basis)).T.copy(order="K")
+        return u.reshape(-1, self._d).T.copy(order="K")
 
     def least_area_ratio(self, u: ndarray) -> ndarray:
         """Smallest det F of each element at its nodes and the fine points."""
@@ -483,7 +485,7 @@ class SumOfTerms(FabricOnBasis):
 
         Element numbers; empty in the plane.  Such a crease depends on the mesh.
         """
-        if components(self.basis) == 2:
+        if self._d == 2:
             return np.empty(0, dtype=int)
         one, other = self.mesh.f2t[:, self.mesh.f2t[1] >= 0]
         n = self.corners.normals(u)
@@ -514,7 +516,7 @@ class SumOfTerms(FabricOnBasis):
 
     def closest_end(self, u: ndarray, t: float = 1.0) -> LawEnd | None:
         """The closest domain end of a law; None if all domains are unbounded."""
-        bending = (x for x in self.terms if isinstance(x, BendingTerm))
+        bending = (x for x in self._terms if isinstance(x, BendingTerm))
         curvatures = [end for term in bending for end in term.ends(u, t)]
         state = self.law_strain(u), self.shear_angle(u)
         return self._at_elements.closest_end(*state, curvatures)

@@ -84,9 +84,12 @@ def without(problem: Problem, parameters: PlyParameters) -> PlyParameters:
 
 def frictional(problem: Problem, parameters: PlyParameters) -> PlyParameters:
     """Parameters without normal contact with tools, but with their friction."""
-    none = np.zeros_like(values(problem, parameters, "force"))
-    parameters = with_values(problem, parameters, "force", none)
-    return with_values(problem, parameters, "stiffness", none)
+    none = np.zeros(problem.nodes.shape[1])
+    contact = {"force": none, "stiffness": none}
+    changed = {
+        x.name: Values({**parameters[x.name], **contact}) for x in problem.contacts
+    }
+    return Frozen({**parameters, **changed})
 
 
 def is_closed(problem: Problem, u: ndarray, parameters: PlyParameters) -> bool:
@@ -215,7 +218,8 @@ class ActiveSet(Direction):
         u, before = problem.moved(at.u, du), values(problem, at.parameters, "force")
         moved = before + share * (increment.contact_forces - before)
         p = with_values(problem, at.parameters, "force", moved)
-        p = self._with_friction(p, at.u, u)
+        if problem.rubbing:
+            p = self._with_friction(p, at.u, u)
         at = Iterate(u, problem.residual(u, p), p, tension, increment.contact_forces)
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at

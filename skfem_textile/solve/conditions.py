@@ -399,13 +399,10 @@ class Constraints:
 
 
 class _LU:
-    """LU factors of a matrix; pickling stores the matrix only."""
+    """LU factors of a matrix, with ``solve``; pickling stores the matrix only."""
 
     def __init__(self, matrix: csc_matrix) -> None:
-        self._matrix, self._factors = matrix, splu(matrix)
-
-    def solve(self, b: ndarray) -> ndarray:
-        return self._factors.solve(b)
+        self._matrix, self.solve = matrix, splu(matrix).solve
 
     def __reduce__(self) -> tuple[type, tuple]:
         return _LU, (self._matrix,)

@@ -374,8 +374,11 @@ def secant_predictor(
     nothing moves, or if the extrapolation folds the ply or leaves the domain of a law.
     """
     before, last = states[-2:]
-    places = (_places(problem, x.load_factor) for x in (before, last, problem))
-    moved, step = np.diff([*places], axis=0)
+    places = []  # values of the fixed unknowns, and travels of the tools, in mm
+    for t in (before.load_factor, last.load_factor, problem.load_factor):
+        travels = (tool.travel(t) for tool in problem.contacts)
+        places.append(np.hstack([problem.constraints.fixed_values(t), *travels]))
+    moved, step = np.diff(places, axis=0)
     share = float(moved @ step / (moved @ moved)) if moved.any() else 0.0
     u, p = start.u + share * (last.u - before.u), start.parameters
     guess = _usable(problem, u, p) if share else None
@@ -383,12 +386,6 @@ def secant_predictor(
         return start
     tension = problem.ply.geometric_tension(start.u, np.zeros_like(u), p)
     return replace(guess, tension=tension)
-
-
-def _places(problem: Problem, load_factor: float) -> ndarray:
-    """Values of the fixed unknowns, and travels of the tools, in mm."""
-    travels = (tool.travel(load_factor) for tool in problem.contacts)
-    return np.hstack([problem.constraints.fixed_values(load_factor), *travels])
 
 
 def surface_predictor(problem: Problem, start: Evaluation) -> Evaluation:

@@ -14,6 +14,7 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
 from ..mesh.bases import components, node_positions
+from ..mesh.pattern import with_data
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm, SupportTerm
@@ -429,7 +430,8 @@ class Problem:
 class Tangent:
     """Factorised tangent of a problem on the free unknowns.
 
-    ``projected`` is True if an indefinite tangent was projected.
+    ``definite`` is True if it is positive definite on the free unknowns, ``projected``
+    if an indefinite tangent was projected.
 
     Parameters
     ----------
@@ -457,6 +459,7 @@ class Tangent:
             self._factors = clock.time("solve", factorise, self._matrix.upper.data)
         except SingularMatrixError:
             raise problem.singular() from None
+        self.definite: bool = self._factors.definite
 
     @classmethod
     def at(
@@ -493,11 +496,6 @@ class Tangent:
         if problem.contacts:
             blocks = _between_tools(problem, u, parameters, blocks)
         return cls(problem, u, blocks)
-
-    @property
-    def definite(self) -> bool:
-        """True if the tangent is positive definite on the free unknowns."""
-        return self._factors.definite
 
     @cached_property
     def negative_pivots(self) -> int | None:
@@ -629,12 +627,10 @@ class Tangent:
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
-        upper, coupling = (
-            csr_matrix((np.abs(x.data), x.indices, x.indptr), x.shape)
-            for x in self._matrix
-        )
+        upper, coupling = (with_data(x, np.abs(x.data)) for x in self._matrix)
         free, fixed = (np.ones(n) for n in coupling.shape)
-        rows = upper @ free + free @ upper - upper.diagonal() + coupling @ fixed
+        columns = np.bincount(upper.indices, upper.data, len(free))
+        rows = upper @ free + columns - upper.diagonal() + coupling @ fixed
         return float(ROUNDINGS * EPSILON * size * rows.max(initial=0.0))
 
 

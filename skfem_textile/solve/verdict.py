@@ -201,31 +201,10 @@ class Trial(Equilibrium):
                     f"the energy of {name} is not finite",
                     advice="a smaller load, or a law that is finite there",
                 )
-        self._refuse_passed()
-        if self.problem.clamps:
-            from .letting_go import refuse_overload
-
-            refuse_overload(self.problem, self.u, self.parameters)
-        if not self.problem.in_domain(self.u, self.parameters):
-            raise self.problem.beyond(
-                *(self.u, "a law is evaluated outside its domain"),
-                "a smaller load, or a law that is defined there",
-            )
-        checks = (
-            *(_element_checks, _energy_checks, _discretisation_checks),
-            *(_surface_check, _slack_check),
-        )
-        for name, failure in chain.from_iterable(check(self) for check in checks):
-            if name not in warn_only:
-                raise failure
-            self.warnings[name] = str(failure)
-
-    def _refuse_passed(self) -> None:
-        """Refuse a ply that passed through a tool in the step."""
         problem, start, u = self.problem, self.start, self.u
-        if start is None:
-            return
         for tool in problem.contacts:
+            if start is None:
+                break
             passed = tool.passed(start.u, start.load_factor, u, problem.load_factor)
             if passed.size:
                 raise NoEquilibriumError(
@@ -233,6 +212,24 @@ class Trial(Equilibrium):
                     f"first is node {passed[0]}",
                     advice="more steps",
                 )
+        if problem.clamps:
+            from .letting_go import refuse_overload
+
+            refuse_overload(problem, u, self.parameters)
+        if not problem.in_domain(u, self.parameters):
+            raise problem.beyond(
+                *(u, "a law is evaluated outside its domain"),
+                "a smaller load, or a law that is defined there",
+            )
+        checks = (
+            *(_element_checks, _energy_checks, _discretisation_checks),
+            *((_surface_check,) if problem.surfaces else ()),
+            _slack_check,
+        )
+        for name, failure in chain.from_iterable(check(self) for check in checks):
+            if name not in warn_only:
+                raise failure
+            self.warnings[name] = str(failure)
 
     def next_start(self) -> Evaluation:
         """Evaluation from which the next step starts, with advanced parameters."""
@@ -423,8 +420,7 @@ def _discretisation_checks(trial: Trial) -> _Failures:
 def _surface_check(trial: Trial) -> _Failures:
     """Elements that deviate from their surface between nodes."""
     problem, basis = trial.problem, trial.problem.ply.basis
-    if not problem.surfaces:
-        return
+    assert problem.surfaces
     try:
         gaps = problem.surfaces.gaps(trial.u, problem.load_factor, basis)
     except NoEquilibriumError as failure:  # raised by a user's surface

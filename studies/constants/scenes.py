@@ -265,7 +265,7 @@ SCENES = {
             _ply(
                 bias_extension, 1e5, 0.5, 1, OnePoint(), size=(2, 4), shear_angle=1.45
             ),
-            ("solve.globalisation", "solve.newton", "solve.direction"),
+            ("solve.newton", "solve.direction"),
         ),
         Scene(
             "deep cup",
@@ -276,7 +276,7 @@ SCENES = {
                 tension=0.0,
                 **_CUP | {"travel": 30.0},
             ),
-            ("solve.active_set", "solve.globalisation", "solve.newton"),
+            ("solve.active_set", "solve.newton"),
         ),
     ),
     "contact": (

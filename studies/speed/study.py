@@ -24,7 +24,7 @@ from ..common.tables import (
     thousands,
 )
 from ..study import Part, Row, Study, Table
-from . import needs, plain_forms, processes, profile, solving, whole_runs
+from . import needs, plain_forms, processes, profile, small_runs, solving, whole_runs
 from .needs import COSTS, added
 from .one_ply import UNUSED
 from .solving import PARTS, Settings
@@ -37,6 +37,7 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "scaling": solving.scaling,
     "factorisation": solving.factorisation,
     "profile": profile.profile,
+    "small_runs": small_runs.small_runs,
     "iterative": solving.iterative,
     "petsc": processes.processes,
     "whole_strip": solving.whole_strip,
@@ -412,6 +413,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "scaling": {"scaling.md": scaling_table},
     "factorisation": {"factorisation.md": factorisation_table},
     "profile": {"profile.md": profile_table},
+    "small_runs": {"small_runs.md": small_runs.small_runs_table},
     "iterative": {"iterative.md": iterative_table},
     "petsc": {"petsc.md": petsc_table},
     "whole_strip": {"whole_strip.md": whole_strip_table},

@@ -8,7 +8,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, LoadStepper, Ply, Tool, drape
 from skfem_textile.scenes import Case, hemisphere_forming
-from skfem_textile.solve import globalisation, newton
+from skfem_textile.solve import newton
 
 
 def formed(fabric, steps=1, **options):
@@ -59,7 +59,7 @@ def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
     Where no halved increment does, the whole one is applied.
     """
     starts, descends, reached = [], [], []
-    halved, moved = globalisation.Line.halved, globalisation.Problem.moved
+    halved, moved = newton.Line.halved, newton.Problem.moved
 
     def recorded(line):
         du = halved(line)
@@ -74,8 +74,8 @@ def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
         return reached[-1]
 
     monkeypatch.setattr(newton, "_WATCHED", 1)
-    monkeypatch.setattr(globalisation.Line, "halved", recorded)
-    monkeypatch.setattr(globalisation.Problem, "moved", recorded_move)
+    monkeypatch.setattr(newton.Line, "halved", recorded)
+    monkeypatch.setattr(newton.Problem, "moved", recorded_move)
     assert slack.__wrapped__(30.0).converged
     assert len(starts) > 5
     assert all(any(np.array_equal(u, x) for x in reached) for u in starts)

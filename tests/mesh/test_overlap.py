@@ -63,6 +63,37 @@ def test_elements_and_nodes_in_contact_are_named(mesh, named):
 
 
 def test_only_close_edges_are_compared(monkeypatch):
-    """Each of 256 edges with itself and the next ones."""
+    """Each of 256 edges with itself and the next ones; a corner is missing."""
     monkeypatch.setattr(overlap, "_MOST_PAIRS", 1000)
-    check_mesh(MeshQuad().refined(6))
+    mesh = MeshQuad().refined(6)
+    corner = mesh.p[:, mesh.t].mean(axis=1).sum(axis=0).argmin()
+    check_mesh(mesh.restrict(np.delete(np.arange(mesh.nelements), corner), False, True))
+
+
+def two_turns():
+    """A ring of cells that winds around its hole twice."""
+    angle = np.linspace(0, 4 * np.pi, 41)
+    p = np.hstack([r * np.array([np.cos(angle), np.sin(angle)]) for r in (1, 2)])
+    i = np.arange(40)
+    return MeshQuad(p, np.array([i, i + 41, i + 42, i + 1]))
+
+
+CONVEX = {
+    "a rectangle": MeshQuad().refined(3),
+    "a circle": MeshTri.init_circle(3),
+    "clockwise cells": MeshQuad(MeshQuad().p, MeshQuad().t[::-1]),
+}
+OTHERS = {
+    **ACCEPTED,
+    "a notch": MeshQuad().refined(2).restrict(np.arange(1, 16), False, True),
+    "two turns": two_turns(),
+    "two squares": MeshQuad(*joined(SHEET, shifted(SHEET, 9, 9))),
+}
+del OTHERS["a circle"]
+
+
+def test_only_a_convex_loop_is_not_searched_for_overlaps():
+    found = {k: overlap.is_convex(overlap.boundary_of(m)) for k, m in CONVEX.items()}
+    assert all(found.values())
+    found = {k: overlap.is_convex(overlap.boundary_of(m)) for k, m in OTHERS.items()}
+    assert not any(found.values()), found

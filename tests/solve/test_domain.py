@@ -21,7 +21,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve.globalisation import within_laws
+from skfem_textile.solve.newton import within_laws
 from skfem_textile.solve.states import Equilibrium, NoEquilibriumError
 from skfem_textile.solve.verdict import CHECKS, Trial
 from tests.helpers import Locking, Pretensioned

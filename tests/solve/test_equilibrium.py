@@ -28,7 +28,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve import globalisation, newton, search
+from skfem_textile.solve import newton, search
 from skfem_textile.solve.linear import SOLVERS, superlu
 from skfem_textile.solve.problem import Evaluation
 from skfem_textile.solve.search import EquilibriumSearch, Target
@@ -306,7 +306,7 @@ def test_an_unconverged_iteration_continues_downhill(monkeypatch):
         method = Newton(most=5)
         return LoadStepper(ply, scene.conditions, 1, method=method, max_halvings=0)
 
-    energies, applied = [], globalisation.Descent.__call__
+    energies, applied = [], newton.Descent.__call__
 
     def recorded(descent, *others):
         at, increment = applied(descent, *others)
@@ -314,7 +314,7 @@ def test_an_unconverged_iteration_continues_downhill(monkeypatch):
         energies.append([descent.problem.energy(u, at.parameters) for u in reached])
         return at, increment
 
-    monkeypatch.setattr(globalisation.Descent, "__call__", recorded)
+    monkeypatch.setattr(newton.Descent, "__call__", recorded)
     assert run().run().converged
     assert energies
     assert all(after <= before for before, after in energies)

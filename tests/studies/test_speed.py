@@ -1,13 +1,15 @@
 """The tables of the benchmarks agree with the results in the documentation."""
 
 import json
+from itertools import count
 from pathlib import Path
 
 import pytest
 
 from skfem_textile import Ply
+from skfem_textile.scenes import strip
 from studies.__main__ import main
-from studies.speed import needs, one_ply, study
+from studies.speed import needs, one_ply, small_runs, study
 from studies.speed.study import STUDY
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed"
@@ -104,3 +106,15 @@ def test_shares_have_median_and_quartiles():
     assert study._share(share) == "+0.4 % (−1.5 to +2.5 %)"
     none = {"median": -0.0001, "low": -0.01, "high": 0.0}
     assert study._share(none) == "0.0 % (−1.0 to 0.0 %)"
+
+
+def test_the_parts_of_a_small_run_add_up_to_its_time(monkeypatch):
+    ticks = count()
+    monkeypatch.setattr(small_runs, "process_time", lambda: next(ticks))
+    clock, scene = small_runs._Clock(), strip(size=(2, 3))
+    with clock.measuring():
+        clock.run(lambda: small_runs._stepper(scene).run())
+    small_runs._stepper(scene)  # is not measured
+    (parts,) = clock.runs
+    assert all(parts.values())
+    assert sum(parts.values()) == next(ticks) - 1

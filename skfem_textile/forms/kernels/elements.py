@@ -62,6 +62,12 @@ _GROUPS: WeakKeyDictionary[Any, WeakKeyDictionary] = WeakKeyDictionary()
 Values: TypeAlias = ndarray | None
 
 
+#: Number of each entry of a symmetric d×d matrix among those at and above the diagonal.
+ENTRIES = {
+    2: np.array([[0, 1], [1, 2]]),
+    3: np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]]),
+}
+
 # Entries of a symmetric 3×3 matrix, and which of them are on the diagonal.
 _PAIRS = tuple(combinations_with_replacement(range(3), 2))
 _DIAGONAL = [k for k, (i, j) in enumerate(_PAIRS) if i == j]
@@ -105,6 +111,11 @@ class FibreDeformation:
     def strain(self) -> ndarray:
         """Fibre strain ε of warp and weft, shape (2, P, n)."""
         return 0.5 * np.log(self.squared_stretch)
+
+    @cached_property
+    def stretch(self) -> ndarray:
+        """Stretch λ of warp and weft, shape (2, P, n)."""
+        return np.sqrt(self.squared_stretch)
 
     def change(self, after: "FibreDeformation") -> ndarray:
         """First-order change of strain to another deformation, shape (2, P, n).
@@ -169,9 +180,10 @@ class DeformationInSpace(FibreDeformation):
     @cached_property
     def _crossing(self) -> tuple[ndarray, ndarray, ndarray, ndarray]:
         """∂Γ/∂a of warp and weft, (2, P, 3, n), n, (P, 3, n), c and s, (P, n)."""
-        stretch = np.sqrt(self.squared_stretch)[:, :, None]
+        stretch = self.stretch[:, :, None]
         e = self.v * stretch
-        normal, c = _cross(*e), (e[0] * e[1]).sum(axis=1)
+        normal = cross(*e.transpose(0, 2, 1, 3)).swapaxes(0, 1)
+        c = (e[0] * e[1]).sum(axis=1)
         s = np.sqrt((normal**2).sum(axis=1))
         g = (e[::-1] - c[:, None] * e) / (s[:, None] * stretch)
         return self.side[:, None] * g, normal / s[:, None], c, s
@@ -235,6 +247,8 @@ class GeneralPoints:
         with equal deformations.
     n_modes
         Number of modes on which the fibres depend, the first of all.
+    angle_at_rest
+        Angle from warp to weft, broadcasts to (P, n).
     """
 
     def __init__(
@@ -254,16 +268,16 @@ class GeneralPoints:
         self._nodes = nodes = np.arange(len(dN)) if nodes is None else nodes
         self._n_nodes = self.n_modes = n_nodes = n_nodes or len(nodes)
 
-        # pairs of the k nodes, preceded by their index among all pairs of the element
+        # for each of the k nodes, numbers of its pairs with it and the following ones
         number = np.zeros((n_nodes, n_nodes), dtype=int)
         first, second = np.triu_indices(n_nodes)
         number[first, second] = number[second, first] = np.arange(len(first))
-        pairs = np.transpose(np.triu_indices(len(nodes)))
-        self._pairs = [(number[nodes[a], nodes[c]], a, c) for a, c in pairs]
+        self.angle_at_rest = angle_between(self.A[:, :, :2])
+        self._pairs = [number[x, nodes[a:]] for a, x in enumerate(nodes)]
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
-        A = np.broadcast_to(self.A, (*self.A.shape[:3], self.b.shape[-1]))[..., block]
+        A = self.A if self.A.shape[-1] == 1 else self.A[..., block]
         return A + np.einsum("fpan,ain->fpin", self.b[..., block], u[self._nodes])
 
     def forces(self, forces: ndarray, block: slice) -> ndarray:
@@ -277,16 +291,17 @@ class GeneralPoints:
     ) -> None:
         """Add Σ b_a b_c k over fibres and points, see `FibreDeformation.stiffness`.
 
-        The coupling of warp and weft is multiplied by b¹_a b²_c + b²_a b¹_c.
+        K has the symmetric blocks of the pairs of modes by their entries at and above
+        the diagonal, shape (n_pairs, d (d + 1)/2, n).  The coupling of warp and weft is
+        multiplied by b¹_a b²_c + b²_a b¹_c.
         """
         b = self.b[..., block]
-        for pair, a, c in self._pairs:
-            add_symmetric(
-                K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], direct)
-            )
+        for a, pairs in enumerate(self._pairs):
+            products = b[:, :, a, None] * b[:, :, a:]
+            K[pairs] += np.einsum("fpcn,fpen->cen", products, direct)
             if across is not None:
-                both = b[0, :, a] * b[1, :, c] + b[1, :, a] * b[0, :, c]
-                add_symmetric(K[pair], np.einsum("pn,pcn->cn", both, across))
+                both = b[0, :, a, None] * b[1, :, a:] + b[1, :, a, None] * b[0, :, a:]
+                K[pairs] += np.einsum("pcn,pen->cen", both, across)
 
     def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
         """Σ b_a v over points for warp and weft, shape (2, n_modes, d, n)."""
@@ -326,14 +341,19 @@ class QuadPoints:
     b: ndarray
 
     @cached_property
+    def angle_at_rest(self) -> ndarray:
+        """See `GeneralPoints`."""
+        return angle_between(self.A[:, :, :2])
+
+    @cached_property
     def n_modes(self) -> int:
         """Without the hourglass mode if all points are at the centre."""
         return 3 if self.b.any() else 2
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """See `GeneralPoints`."""
-        A = np.broadcast_to(self.A, (*self.A.shape[:3], self.b.shape[-1]))
-        return A[..., block] + u[:2, None] + self.b[..., block][:, :, None] * u[2]
+        A = self.A if self.A.shape[-1] == 1 else self.A[..., block]
+        return A + u[:2, None] + self.b[..., block][:, :, None] * u[2]
 
     def forces(self, forces: ndarray, block: slice) -> ndarray:
         """See `GeneralPoints`."""
@@ -350,15 +370,15 @@ class QuadPoints:
         for diagonal, coupled, fibre, product in zip(
             (0, 3), (2, 4), direct, mixed, strict=True
         ):
-            add_symmetric(K[diagonal], fibre.sum(axis=0))
-            add_symmetric(K[coupled], product.sum(axis=0))
-        add_symmetric(K[5], np.einsum("fpn,fpcn->cn", eta, mixed))
+            K[diagonal] += fibre.sum(axis=0)
+            K[coupled] += product.sum(axis=0)
+        K[5] += np.einsum("fpn,fpcn->cn", eta, mixed)
         if across is not None:  # pair 1 is warp and weft
             by_warp, by_weft = eta[:, :, None] * across
-            add_symmetric(K[1], across.sum(axis=0))
-            add_symmetric(K[2], by_weft.sum(axis=0))
-            add_symmetric(K[4], by_warp.sum(axis=0))
-            add_symmetric(K[5], 2 * np.einsum("pn,pcn->cn", eta[0], by_weft))
+            K[1] += across.sum(axis=0)
+            K[2] += by_weft.sum(axis=0)
+            K[4] += by_warp.sum(axis=0)
+            K[5] += 2 * np.einsum("pn,pcn->cn", eta[0], by_weft)
 
     def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
         """See `GeneralPoints`."""
@@ -379,18 +399,15 @@ class QuadPoints:
 IntegrationPoints: TypeAlias = GeneralPoints | QuadPoints
 
 
-def add_symmetric(K: ndarray, stiffness: ndarray) -> None:
-    """Add a symmetric matrix, given by its entries at and above the diagonal."""
-    pairs = combinations_with_replacement(range(len(K)), 2)
-    for (i, j), entry in zip(pairs, stiffness, strict=True):
-        K[i, j] += entry
-        if i != j:
-            K[j, i] += entry
+def angle_between(a: ndarray) -> ndarray:
+    """Angle from the first to the second fibre, of the vectors a, (2, P, d, n).
 
-
-def angle_between(z: ndarray) -> ndarray:
-    """Angle from the first to the second fibre in (−π, π]."""
-    (x1, y1), (x2, y2) = z.transpose(0, 2, 1, 3)
+    In (−π, π], and in space in [0, π].
+    """
+    if a.shape[2] == 3:
+        n = cross(*a.transpose(0, 2, 1, 3)).swapaxes(0, 1)
+        return np.arctan2(np.sqrt((n**2).sum(axis=1)), (a[0] * a[1]).sum(axis=1))
+    (x1, y1), (x2, y2) = a.transpose(0, 2, 1, 3)
     return np.arctan2(x1 * y2 - y1 * x2, x1 * x2 + y1 * y2)
 
 
@@ -474,10 +491,10 @@ class ElementGroup:
                 if d == 3:
                     square += a[:, :, 2] ** 2
                 v[..., block], squared[..., block] = a / square[:, :, None], square
-                angle[..., block] = angle_between(a) if d == 2 else angle_in_space(a)
+                angle[..., block] = angle_between(a)
         deformations: list[FibreDeformation] = []
         for p, (v, squared, angle) in zip(points, arrays, strict=True):
-            at_rest = angle_between(p.A[:, :, :2])
+            at_rest = p.angle_at_rest
             if d == 2:
                 fibres = FibreDeformation(v, squared, at_rest - angle)
             else:
@@ -575,17 +592,6 @@ def _macro_groups(
         ]
         laws = [fabric.at(basis.parts[elements, j]) for j in numbers]
         yield ElementGroup(own_nodes, None, points, laws, laws[0], elements, numbers)
-
-
-def angle_in_space(a: ndarray) -> ndarray:
-    """Angle between the fibres, (P, n), from both fibre vectors, (2, P, 3, n)."""
-    n = _cross(*a)
-    return np.arctan2(np.sqrt((n**2).sum(axis=1)), (a[0] * a[1]).sum(axis=1))
-
-
-def _cross(a: ndarray, b: ndarray) -> ndarray:
-    """Cross product a × b of components on the second axis."""
-    return cross(a.swapaxes(0, 1), b.swapaxes(0, 1)).swapaxes(0, 1)
 
 
 def _add_square(total: ndarray, factor: ndarray | float, x: ndarray) -> None:

@@ -16,10 +16,9 @@ Element matrices are symmetric and hold the d×d blocks of the pairs of nodes (a
 a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import combinations_with_replacement
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
@@ -33,6 +32,7 @@ from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
 from ...mesh.pattern import full_matrices
 from ...mesh.user_input import parameter
 from .elements import (
+    ENTRIES,
     ElementGroup,
     FibreDeformation,
     IntegrationPoints,
@@ -43,6 +43,8 @@ from .elements import (
 # Negative eigenvalues below this share of the trace are round-off, which a Cholesky
 # factorisation of order n amplifies to about n² times 2e-16: 7e-14 for n = 18.
 _ROUND_OFF = 1e-12
+
+_ALL = slice(None)
 
 #: Parameters of a form: numbers, or arrays over elements and points.
 Parameters: TypeAlias = Mapping[str, Any]
@@ -67,16 +69,26 @@ class Kernel:
 
     fabric: Fabric
     basis_type: ClassVar[type[CellBasis]] = CellBasis
-
-    def law_of(self, fabric: Fabric) -> Any:
-        """The law that the kernel evaluates."""
-        return fabric.tensions
+    #: Attribute of a fabric with the law that the kernel evaluates.
+    law: ClassVar[str] = "tensions"
 
     @cached_property
     def resists(self) -> ndarray:
         """1 for a family with a tension law, 0 for one without; shape (2, 1, 1)."""
         resists = [not is_zero(family.tension) for family in self.fabric.families]
         return np.array(resists, dtype=float)[:, None, None]
+
+    def values(self, x: "KernelState") -> Any:
+        """Values that energy, stresses and stiffnesses share, see `KernelState`.
+
+        By default points, law and deformation of each set of points.
+        """
+        laws = [getattr(fabric, self.law) for fabric in x.group.fabrics]
+        if "slip" in x.w:
+            slip = np.asarray(x.w["slip"])[..., x.group.elements, :]
+            pairs = zip(laws, x.group.point_numbers, strict=True)
+            laws = [with_slip(law, slip[..., i]) for law, i in pairs]
+        return [*zip(x.group.points, laws, x.fibres, strict=True)]
 
     def energy(self, x: "KernelState") -> float:
         """Energy in N·mm."""
@@ -91,7 +103,8 @@ class Kernel:
         raise NotImplementedError
 
 
-class KernelState(NamedTuple):
+@dataclass(eq=False)
+class KernelState:
     """Kernel on a group of elements in one state.
 
     ``fibres`` are the deformations at the points of the group, ``places`` the same
@@ -105,24 +118,10 @@ class KernelState(NamedTuple):
     fibres: list[FibreDeformation]
     w: Parameters
 
-    @property
-    def sets(self) -> Iterator[tuple[IntegrationPoints, Any, FibreDeformation]]:
-        """Points, law and deformation of each set of points."""
-        laws: Any = [self.kernel.law_of(fabric) for fabric in self.group.fabrics]
-        if "slip" in self.w:
-            slip = np.asarray(self.w["slip"])[..., self.group.elements, :]
-            numbers = self.group.point_numbers
-            pairs = zip(laws, numbers, strict=True)
-            laws = [with_slip(law, slip[..., i]) for law, i in pairs]
-        return zip(self.group.points, laws, self.fibres, strict=True)
-
-    @property
-    def law_of_means(self) -> Any:
-        """Law of tension of the elements, at whose means it is evaluated."""
-        law = self.group.fabric.tensions
-        if "slip" not in self.w:
-            return law
-        return with_slip(law, np.asarray(self.w["slip"])[..., self.group.elements, :])
+    @cached_property
+    def values(self) -> Any:
+        """Shared values of the kernel, computed once."""
+        return self.kernel.values(self)
 
 
 class TensionKernel(Kernel):
@@ -132,13 +131,13 @@ class TensionKernel(Kernel):
         """∫ Σ_α ψ(ε_α) dΩ."""
         return sum(
             float((p.dx * _laws(law, "energies", f.strain)).sum())
-            for p, law, f in x.sets
+            for p, law, f in x.values
         )
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension and its slope; `stiffnesses` has the slope for ε₁ + ε₂."""
         tensions, stresses = _tension_values(x), []
-        for i, (p, law, f) in enumerate(x.sets):
+        for i, (p, law, f) in enumerate(x.values):
             T = tensions[i] if tensions else _laws(law, "value", f.strain)
             direct, cross = _slopes(law, f.strain)
             slope = direct if cross is None else direct - cross
@@ -153,34 +152,32 @@ class TensionKernel(Kernel):
             RankOneStiffness(
                 p.dx * _slopes(law, f.strain).cross, partial(_sum_gradients, p, f)
             )
-            for p, law, f in x.sets
+            for p, law, f in x.values
         ]
 
     def predicted_tension(self, x: KernelState, after: KernelState) -> list[ndarray]:
         """T(ε) + ∂T/∂ε Δε, shape (2, P, n) each."""
         return [
             _laws(law, "value", f.strain) + _slopes(law, f.strain).times(f.change(g))
-            for (_, law, f), g in zip(x.sets, after.fibres, strict=True)
+            for (_, law, f), g in zip(x.values, after.fibres, strict=True)
         ]
 
 
 class ShearKernel(Kernel):
     """Kernel of `shear`."""
 
-    def law_of(self, fabric: Fabric) -> Any:
-        """The law of shear."""
-        return fabric.shear_law
+    law: ClassVar[str] = "shear_law"
 
     def energy(self, x: KernelState) -> float:
         """∫ w(Γ) dΩ."""
         return sum(
-            float((p.dx * _of_shear(law, "energy", f)).sum()) for p, law, f in x.sets
+            float((p.dx * _of_shear(law, "energy", f)).sum()) for p, law, f in x.values
         )
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Shear moment."""
         return [
-            Stress(moment=p.dx * _of_shear(law, "value", f)) for p, law, f in x.sets
+            Stress(moment=p.dx * _of_shear(law, "value", f)) for p, law, f in x.values
         ]
 
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
@@ -190,7 +187,7 @@ class ShearKernel(Kernel):
                 p.dx * _of_shear(law, "tangent", f),
                 partial(_angle_gradients, [(p, f)]),
             )
-            for p, law, f in x.sets
+            for p, law, f in x.values
         ]
 
 
@@ -201,26 +198,7 @@ class HourglassKernel(Kernel):
     C_s: float | None = None
     basis_type: ClassVar[type[CellBasis]] = HourglassBasis
 
-    def energy(self, x: KernelState) -> float:
-        """½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))²."""
-        C_s, difference = self._state(x)
-        return 0.5 * float((C_s * difference**2).sum())
-
-    def stresses(self, x: KernelState) -> list[Stress]:
-        """Moments at the points, and the opposite moments at the centre."""
-        C_s, difference = self._state(x)
-        moment = C_s * difference
-        one_centre = len(x.fibres[0].shear_angle) == 1
-        opposite = moment.sum(axis=0, keepdims=True) if one_centre else moment
-        return [Stress(moment=-opposite), Stress(moment=moment)]
-
-    def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
-        """C_s, along the gradient of Γ(ξ_k) − Γ(0)."""
-        C_s, _ = self._state(x)
-        centre, corners = zip(x.group.points, x.fibres, strict=True)
-        return [RankOneStiffness(C_s, partial(_angle_gradients, [corners, centre]))]
-
-    def _state(self, x: KernelState) -> tuple[ndarray, ndarray]:
+    def values(self, x: KernelState) -> tuple[ndarray, ndarray]:
         """C_s A/4 and Γ(ξ_k) − Γ(0), shape (4, n)."""
         _, corners = x.group.points
         at_centre, at_corners = x.fibres
@@ -229,16 +207,48 @@ class HourglassKernel(Kernel):
             C_s = np.broadcast_to(parameter(x.w, "C_s"), corners.dx.T.shape).T
         return corners.dx * C_s, at_corners.shear_angle - at_centre.shear_angle
 
+    def energy(self, x: KernelState) -> float:
+        """½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))²."""
+        C_s, difference = x.values
+        return 0.5 * float((C_s * difference**2).sum())
+
+    def stresses(self, x: KernelState) -> list[Stress]:
+        """Moments at the points, and the opposite moments at the centre."""
+        C_s, difference = x.values
+        moment = C_s * difference
+        one_centre = len(x.fibres[0].shear_angle) == 1
+        opposite = moment.sum(axis=0, keepdims=True) if one_centre else moment
+        return [Stress(moment=-opposite), Stress(moment=moment)]
+
+    def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
+        """C_s, along the gradient of Γ(ξ_k) − Γ(0)."""
+        C_s, _ = x.values
+        centre, corners = zip(x.group.points, x.fibres, strict=True)
+        return [RankOneStiffness(C_s, partial(_angle_gradients, [corners, centre]))]
+
 
 class MeanTensionKernel(Kernel):
     """Kernel of `mean_tension`."""
 
     basis_type: ClassVar[type[CellBasis]] = MeanBasis
 
+    def values(self, x: KernelState) -> tuple[list[ndarray], ndarray, ndarray, Any]:
+        """Stretches at the points, (2, P, n) each, their means, E_d and the law.
+
+        Means and E_d have the shape (2, 1, n).  E_d is 0 for a family without a law.
+        """
+        group, law = x.group, x.group.fabric.tensions
+        if "slip" in x.w:
+            law = with_slip(law, np.asarray(x.w["slip"])[..., group.elements, :])
+        stretches = [f.stretch for f in x.fibres]
+        E_d = np.asarray(parameter(x.w, "E_d"))[:, group.elements, 0]
+        means = _mean(group, stretches)
+        return stretches, means, self.resists * E_d[:, None], law
+
     def energy(self, x: KernelState) -> float:
         """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ."""
-        stretches, means, E_d = self._state(x)
-        density = _laws(x.law_of_means, "energies", np.log(means))
+        stretches, means, E_d, law = x.values
+        density = _laws(law, "energies", np.log(means))
         return sum(
             float((p.dx * (density + 0.5 * E_d * (stretch - means) ** 2)).sum())
             for p, stretch in zip(x.group.points, stretches, strict=True)
@@ -246,10 +256,10 @@ class MeanTensionKernel(Kernel):
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T for strain deviations."""
-        stretches, means, E_d = self._state(x)
+        stretches, means, E_d, law = x.values
         T = _tension_values(x)
         if not T:
-            N = _laws(x.law_of_means, "value", np.log(means)) / means
+            N = _laws(law, "value", np.log(means)) / means
             T = [stretch * (N + E_d * (stretch - means)) for stretch in stretches]
         return [
             Stress(tension=p.dx * T_p, slope=p.dx * (E_d * stretch**2 + T_p))
@@ -258,9 +268,9 @@ class MeanTensionKernel(Kernel):
 
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """Remaining slope of the laws, along the gradient of the mean stretch."""
-        group, (stretches, means, E_d) = x.group, self._state(x)
-        T = _laws(x.law_of_means, "value", np.log(means))
-        direct, cross = _slopes(x.law_of_means, np.log(means))
+        group, (stretches, means, E_d, law) = x.group, x.values
+        T = _laws(law, "value", np.log(means))
+        direct, cross = _slopes(law, np.log(means))
         slope = (direct - T) / means**2 - E_d
         if cross is not None:
             cross = cross / (means[0] * means[1])
@@ -283,34 +293,22 @@ class MeanTensionKernel(Kernel):
         order.  The tension λ N is not: the stretch of a rotating fibre grows to second
         order.
         """
-        group, (stretches, means, E_d) = x.group, self._state(x)
-        new_stretches, _, _ = self._state(after)
+        group, (stretches, means, E_d, law) = x.group, x.values
         changes = [
             stretch * f.change(g)
             for stretch, f, g in zip(stretches, x.fibres, after.fibres, strict=True)
         ]
         mean_change = _mean(group, changes)
-        T = _laws(x.law_of_means, "value", np.log(means))
-        direct, cross = _slopes(x.law_of_means, np.log(means))
+        T = _laws(law, "value", np.log(means))
+        direct, cross = _slopes(law, np.log(means))
         N = T / means + (direct - T) / means**2 * mean_change
         if cross is not None:
             N += cross * (mean_change / means)[::-1] / means
         mean_after = means + mean_change
         return [
-            new_stretch * (N + E_d * (stretch + change - mean_after))
-            for new_stretch, stretch, change in zip(
-                new_stretches, stretches, changes, strict=True
-            )
+            f.stretch * (N + E_d * (stretch + change - mean_after))
+            for f, stretch, change in zip(after.fibres, stretches, changes, strict=True)
         ]
-
-    def _state(self, x: KernelState) -> tuple[list[ndarray], ndarray, ndarray]:
-        """Stretches at the points, (2, P, n) each, their means and E_d, (2, 1, n).
-
-        E_d is 0 for a family without a law.
-        """
-        stretches = [np.sqrt(f.squared_stretch) for f in x.fibres]
-        E_d = np.asarray(parameter(x.w, "E_d"))[:, x.group.elements, 0]
-        return stretches, _mean(x.group, stretches), self.resists * E_d[:, None]
 
 
 def can_compute(kernel: Kernel | None, basis: Any) -> bool:
@@ -431,10 +429,12 @@ def element_forces(states: Sequence[KernelState]) -> ndarray:
     """Sum of the nodal forces of kernels on a group, shape (n_nodes, d, n)."""
     group, stresses = states[0].group, _sum_of_stresses(states)
     f = np.empty((len(group.nodes), states[0].fibres[0].v.shape[2], group.area.size))
+    whole = len(group.blocks) == 1
     for block in group.blocks:
         modal = np.zeros((group.n_modes, f.shape[1], block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
-            modal += points.forces(fibres.forces(stress.of(block), block), block)
+            of_block = stress if whole else stress.of(block)
+            modal += points.forces(fibres.forces(of_block, block), block)
         if group.modes is not None:
             modal = np.einsum("ran,rin->ain", group.modes[..., block], modal)
         f[..., block] = modal
@@ -449,24 +449,32 @@ def element_matrices(states: Sequence[KernelState]) -> ndarray:
     group, stresses = states[0].group, _sum_of_stresses(states)
     d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
     rank_one = [s for x in states for s in x.kernel.stiffnesses(x)]
-    pairs = [*combinations_with_replacement(range(group.n_modes), 2)]
     n_modes = max(points.n_modes for points in stresses)
-    used = [i for i, (_, c) in enumerate(pairs) if c < n_modes]
+    used: Any = _ALL
+    if n_modes < group.n_modes:
+        used = np.flatnonzero(np.triu_indices(group.n_modes)[1] < n_modes)
     K = np.empty((n_nodes * (n_nodes + 1) // 2, d, d, group.area.size))
+    whole = len(group.blocks) == 1
     for block in group.blocks:
-        k = np.zeros((len(pairs), d, d, block.stop - block.start))
+        n = block.stop - block.start
+        n_pairs = group.n_modes * (group.n_modes + 1) // 2
+        symmetric = np.zeros((n_pairs, d * (d + 1) // 2, n))
         for points, (fibres, stress) in stresses.items():
-            points.add_stiffness(k, *fibres.stiffness(stress.of(block), block), block)
+            of_block = stress if whole else stress.of(block)
+            parts = fibres.stiffness(of_block, block)
+            points.add_stiffness(symmetric, *parts, block)
+        k = symmetric[used][:, ENTRIES[d]]
         for stiffness, gradients in rank_one:  # Σ s g_a g_cᵀ over points
             g = gradients(block)
-            scaled = stiffness[:, block][:, None, None] * g
-            for pair in used:
-                a, c = pairs[pair]
-                k[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
+            scaled, start = stiffness[:, block][:, None, None] * g, 0
+            for a in range(n_modes):
+                row = np.einsum("pin,pcjn->cijn", scaled[:, a], g[:, a:n_modes])
+                k[start : start + len(row)] += row
+                start += len(row)
         if group.modes is None:
             K[..., block] = k
         else:
-            nodal_blocks(k[used], group.modes[:n_modes, :, block], K[..., block])
+            nodal_blocks(k, group.modes[:n_modes, :, block], K[..., block])
     return K
 
 

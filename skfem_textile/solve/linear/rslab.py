@@ -86,7 +86,9 @@ def _threads() -> int | None:
     # The first number of a list applies to the outermost level of OpenMP.
     text = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
     number = int(text) if text.isdecimal() else 0
-    return min(number, os.cpu_count() or 1) or None
+    if number > 1:  # the number of cores is read from files
+        number = min(number, os.cpu_count() or 1)
+    return number or None
 
 
 def _on_lasting_thread(call: Callable, *args: Any, **options: Any) -> Any:

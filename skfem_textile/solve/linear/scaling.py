@@ -74,21 +74,18 @@ class Scaling:
             If a row is zero or round-off.
         """
         sizes = np.abs(data[self._start])
-        scaled = self._scaled(data, sizes)
-        if not np.abs(scaled.data).max(initial=0.0) <= _LARGEST_ENTRY:
+        for of_diagonal in (True, False):
+            least = max(_SMALLEST * sizes.max(initial=0.0), _TINY)
+            scale = np.exp2(np.rint(-0.5 * np.log2(np.maximum(sizes, least))))
+            with np.errstate(over="ignore", invalid="ignore"):
+                scaled = data * np.repeat(scale, self._per_column)
+                scaled *= scale[self._row]
+            if np.abs(scaled).max(initial=0.0) <= _LARGEST_ENTRY or not of_diagonal:
+                break
             if not np.all(np.isfinite(data)):
                 raise ValueError("the matrix of a linear system is not finite")
             sizes = self._sizes(data)
-            scaled = self._scaled(data, sizes)
-        refuse_round_off(sizes * scaled.scale**2)
-        return scaled
-
-    def _scaled(self, data: ndarray, sizes: ndarray) -> Scaled:
-        sizes = np.maximum(sizes, max(_SMALLEST * sizes.max(initial=0.0), _TINY))
-        scale = np.exp2(np.rint(-0.5 * np.log2(sizes)))
-        with np.errstate(over="ignore", invalid="ignore"):
-            scaled = data * np.repeat(scale, self._per_column)
-            scaled *= scale[self._row]
+        refuse_round_off(sizes * scale**2)
         return Scaled(scaled, scale)
 
     def _sizes(self, data: ndarray) -> ndarray:

@@ -200,6 +200,7 @@ class LatestFactors:
                 kept.factors = None
             self._kept = None  # in case the factorisation fails
             factors.negative, factors.factors = self.factorised(factors.data)
+            factors.definite = factors.negative == 0
             factors.factorisations += 1
             self._kept = ref(factors)
 
@@ -215,20 +216,28 @@ class LatestFactors:
         raise NotImplementedError
 
 
+@dataclass(eq=False)
 class CountedPivots:
-    """Factors whose factorisation counts the negative pivots; see `Factors`."""
+    """Factors whose factorisation counts the negative pivots; see `Factors`.
 
-    negative: int | None
-    factors: Any
+    Attributes
+    ----------
+    solver, data
+        The solver, and the entries of the matrix.
+    factorisations
+        Number of factorisations so far.
+    negative, factors
+        Results of `LatestFactors.factorised`.
+    definite
+        True if all pivots are positive and above round-off.
+    """
 
-    def __init__(self, solver: LatestFactors, data: ndarray) -> None:
-        self._solver, self.data = solver, data
-        self.factorisations = 0
-
-    @property
-    def definite(self) -> bool:
-        """True if all pivots are positive and above round-off."""
-        return self.negative == 0
+    solver: LatestFactors
+    data: ndarray
+    factorisations: int = 0
+    negative: int | None = None
+    factors: Any = None
+    definite: bool = False
 
     @property
     def negative_pivots(self) -> int:
@@ -241,8 +250,8 @@ class CountedPivots:
         """Solve A x = b."""
         if self.negative is None:
             raise SingularMatrixError
-        self._solver.hold(self)
-        return self._solver.solution(self, b)
+        self.solver.hold(self)
+        return self.solver.solution(self, b)
 
 
 #: Factory of a solver; arguments as for `Solver`.
@@ -286,7 +295,10 @@ class ScaledFactors:
     Pivots restricted to blocks of columns may amplify round-off without being small, so
     that solutions of an indefinite system are checked.  If one is wrong, or the solver
     factorises definite matrices only, the next of `ChosenSolver.names` takes over.
+    ``definite`` is True if A is positive definite.
     """
+
+    definite: bool
 
     def __init__(self, solver: "ChosenSolver", scaled: Scaled) -> None:
         self._solver, self._scaled, self._names = solver, scaled, solver.names()
@@ -297,12 +309,6 @@ class ScaledFactors:
     def factorisations(self) -> int:
         """Number of factorisations so far."""
         return sum(factors.factorisations for factors in self._all)
-
-    @property
-    def definite(self) -> bool:
-        """True if A is positive definite."""
-        with self._solver.lock:
-            return self._all[-1].definite
 
     @property
     def negative_pivots(self) -> int | None:
@@ -339,7 +345,7 @@ class ScaledFactors:
     def _by_next_solver(self) -> Factors:
         name = next(self._names)  # the last one is always certain
         factors = self._solver.analysed(name).factorise(self._scaled.data)
-        self._entry = SOLVERS[name]
+        self._entry, self.definite = SOLVERS[name], factors.definite
         self._all.append(factors)
         return factors
 

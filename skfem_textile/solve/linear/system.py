@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
-from ...mesh.pattern import Pattern, matrix_of_slots
+from ...mesh.pattern import Pattern, matrix_of_slots, with_data
 from ..conditions import Constraints
 from .solver import SolverOfPattern
 from .unknowns import Unknowns
@@ -150,8 +150,5 @@ def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> 
     entries = blocks.ravel()
     if system.sums is not None:
         entries = system.sums @ entries
-    upper, coupling = (
-        csr_matrix((entries[slots.data], slots.indices, slots.indptr), slots.shape)
-        for slots in (system.upper, system.coupling)
-    )
-    return Reduced(upper, coupling)
+    both = system.upper, system.coupling
+    return Reduced(*(with_data(slots, entries[slots.data]) for slots in both))
