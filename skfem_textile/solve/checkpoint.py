@@ -17,7 +17,6 @@ from numpy import ndarray
 from ..fabric import Law, TwoLaws
 from ..ply import Ply
 from ..ply.parameters import Frozen
-from ..ply.terms import SupportTerm
 from . import checksummed
 from .continuation import Continuation, LoadSteps
 from .linear.solver import Clock
@@ -104,7 +103,7 @@ class Checkpoint:
         self._run = ""
         self._lock: checksummed.Lock | None = None
 
-    def release(self) -> None:
+    def unlock(self) -> None:
         """Unlock the folder."""
         if self._lock is not None:
             self._lock.release()
@@ -321,7 +320,7 @@ class Checkpoint:
         entries |= {
             f"release of {x.name!r}": np.array([x.release])
             for x in ply.terms
-            if isinstance(x, SupportTerm)
+            if x.release is not None
         }
         if self._release:
             entries["ends of conditions"] = np.array(self._release.ends)
@@ -511,7 +510,7 @@ def _state(content: checksummed.Content, before: Sequence[State], ply: Ply) -> S
         raise ValueError("its displacement does not belong to this ply")
     state = State(u=u, parameters=Frozen(parameters), **text)
     last = before[-1].load_factor if before else -1.0
-    if any(isinstance(x, SupportTerm) for x in ply.terms):  # which may have let go
+    if any(x.release is not None for x in ply.terms):  # which may have let go
         last = np.nextafter(last, -np.inf)
     if not last < state.load_factor <= 1:
         raise ValueError(

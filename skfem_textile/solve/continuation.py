@@ -19,7 +19,7 @@ from numpy import ndarray
 from ..ply.parameters import PlyParameters
 from . import active_set
 from .problem import HOLD, Evaluation, Problem
-from .states import NoEquilibriumError, State
+from .states import NoEquilibriumError, Overload, State
 
 log = logging.getLogger(__name__)
 
@@ -160,13 +160,13 @@ class Continuation:
     unresolved: list[float] = field(default_factory=list)
     to_compare: list[StepEnd] = field(default_factory=list)
     not_followed_until: float = -1.0
-    overloads: list[Any] = field(default_factory=list)
+    overloads: list[Overload] = field(default_factory=list)
 
     @classmethod
     def of(cls, saved: Mapping[str, Any]) -> "Continuation":
         """The continuation of a checkpoint."""
         to_compare = [StepEnd(*past) for past in saved["to_compare"]]
-        overloads = [tuple(x) for x in saved["overloads"]]
+        overloads = [Overload(*x) for x in saved["overloads"]]
         return cls(**{**saved, "to_compare": to_compare, "overloads": overloads})
 
     @property
@@ -244,7 +244,6 @@ class Continuation:
                 raise failure
             log.info("the step to load factor %g is shortened: %s", end, failure)
             self.overloads.append(failure.overload)
-            self.cut += 1
             return
         known = step <= _SHORTEST_STEP or by <= _KNOWN_SHARE
         if step > 1.5 * shortest or not known:

@@ -17,7 +17,7 @@ from ..mesh.bases import components, node_positions
 from ..mesh.pattern import with_data
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
-from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm, SupportTerm
+from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from .conditions import Constraints, plain, reactions, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
@@ -175,7 +175,7 @@ class Problem:
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
         self.rubbing: list[Any] = [x for x in ply.terms if getattr(x, "friction", None)]
-        self.clamps: list[Any] = [x for x in ply.terms if isinstance(x, SupportTerm)]
+        self.clamps: list[Any] = [x for x in ply.terms if x.release is not None]
         for kind, terms in ("tool", self.contacts), ("clamp", self.clamps):
             for term in terms:
                 if term.name in constraints.nodes:

@@ -213,7 +213,7 @@ class EquilibriumSearch:
         """True if a clamp lets go between two values of the parameters."""
         if not self.problem.clamps or after is before:
             return False
-        from .letting_go import let_go
+        from .clamp_release import let_go
 
         return bool(let_go(before, after))
 

@@ -342,7 +342,7 @@ class Run:
                 for warning in problem.ply.contradictions(self.states):
                     log.warning(warning)
             if checkpoint:
-                checkpoint.release()
+                checkpoint.unlock()
         return self.result
 
     @property
@@ -506,7 +506,7 @@ class Run:
         """Take a step towards a requested load factor, or prepare a shorter one."""
         last, start, problem = self.states[-1], self._start, self.problem
         if overloads := self.continuation.overloads:
-            from .letting_go import estimated_release
+            from .clamp_release import estimated_release
 
             t_end = min(t_end, estimated_release(problem, self.states, overloads))
         self.continuation.enter(self._stepper.steps.length(t_end))
@@ -550,23 +550,23 @@ class Run:
         """Names of the clamps that let go at the last state."""
         if not self.problem.clamps:
             return []
-        from .letting_go import let_go
+        from .clamp_release import let_go
 
         return let_go(self.states[-1].parameters, self._start.parameters)
 
     def _let_go(self) -> None:
         """Find the equilibrium without the clamps that let go at the last state."""
-        from . import letting_go
+        from . import clamp_release
 
         last, start, problem = self.states[-1], self._start, self.problem
-        what = letting_go.message(self._lets_go, start.parameters)
+        what = clamp_release.message(self._lets_go, start.parameters)
         log.info("load factor %g: %s", last.load_factor, what)
         try:
             found = self._search.without_clamps(start)
         except NoEquilibriumError as failure:
             failure.args = (f"{what}, and then there is {failure}",)
             raise
-        parameters = letting_go.with_energy_lost(found, start, last)
+        parameters = clamp_release.with_energy_lost(found, start, last)
         found = found.after(start, parameters)
         state, settled = self._reached(found)
         if not settled or found.projected > (0 if problem.contacts else MOST_PROJECTED):

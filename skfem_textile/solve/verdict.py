@@ -213,7 +213,7 @@ class Trial(Equilibrium):
                     advice="more steps",
                 )
         if problem.clamps:
-            from .letting_go import refuse_overload
+            from .clamp_release import refuse_overload
 
             refuse_overload(problem, u, self.parameters)
         if not problem.in_domain(u, self.parameters):

@@ -9,17 +9,16 @@ lost, and the energy that the ply releases in these steps.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from ..ply.clamps import holds
+from ..ply.clamps import ClampTerm, holds
 from ..ply.parameters import NO_VALUES, Frozen, PlyParameters, Values
-from ..ply.terms import SupportTerm
 from .problem import Evaluation, Problem
 from .quantities import Quantity
-from .states import NoEquilibriumError, State
+from .states import NoEquilibriumError, Overload, State
 
 #: Resultant, relative to the force of release, above which a state is refused: the
 #: clamp would have let go before.
@@ -32,14 +31,6 @@ _AIM = 1.005
 # estimate leaves at least the first share of the interval on both sides, else the
 # second one.  Forces may increase in a small part of the interval only.
 _FAR, _LEAST, _LEAST_NEAR = 2.0, 0.25, 0.01
-
-
-class Overload(NamedTuple):
-    """End of a refused step, at which a clamp carries a multiple of its release."""
-
-    load_factor: float
-    name: str
-    load: float
 
 
 def refuse_overload(problem: Problem, u: ndarray, p: PlyParameters) -> None:
@@ -72,7 +63,7 @@ def estimated_release(
         Ends of steps that were refused since a clamp let go.
     """
     last = states[-1]
-    ahead = sorted(Overload(*x) for x in overloads if x[0] > last.load_factor)
+    ahead = sorted(x for x in overloads if x.load_factor > last.load_factor)
     if not ahead:
         return np.inf
     (end, name, load), *further = ahead
@@ -149,7 +140,7 @@ def message(names: Sequence[str], parameters: PlyParameters) -> str:
     )
 
 
-def clamp_forces(clamps: Sequence[SupportTerm], state: State) -> dict[str, float]:
+def clamp_forces(clamps: Sequence[ClampTerm], state: State) -> dict[str, float]:
     """Magnitude of the force of each clamp in N, by column of a history."""
     return {
         f"{x.name}_force_N": float(np.linalg.norm(state.reactions[x.name]))
@@ -158,7 +149,7 @@ def clamp_forces(clamps: Sequence[SupportTerm], state: State) -> dict[str, float
 
 
 def clamp_figures(
-    clamps: Sequence[SupportTerm], states: Sequence[State]
+    clamps: Sequence[ClampTerm], states: Sequence[State]
 ) -> dict[str, Any]:
     """Figures of clamps in the summary of a result.
 
