@@ -197,8 +197,9 @@ def run_unlogged(
         except (StepError, ValueError) as error:
             result = getattr(error, "result", None)
             reason = str(error).partition("\n")[0]
-        began = result and result.states[-1].load_factor > 0
-        return result, case.summary(shown(result)) if began else {}, reason
+        if result is None or result.states[-1].load_factor == 0:
+            return result, {}, reason
+        return result, case.summary(shown(result)), reason
 
 
 def _no_interval(_: Any) -> ErrorInterval:

@@ -85,15 +85,6 @@ def estimated_release(
     return float(last.load_factor + np.clip(root, least, step - least))
 
 
-def let_go(before: PlyParameters, after: PlyParameters) -> list[str]:
-    """Names of the clamps that let go between two values of all parameters."""
-    return [
-        name
-        for name, p in after.items()
-        if "released_at" in p and holds(before[name]) and not holds(p)
-    ]
-
-
 def with_energy_lost(found: Any, start: Evaluation, last: State) -> PlyParameters:
     """Parameters after clamps let go, with the energy lost.
 
@@ -114,7 +105,7 @@ def with_energy_lost(found: Any, start: Evaluation, last: State) -> PlyParameter
     rubbed = problem.ply.energy_lost(found.u, t, p)
     work -= sum(rubbed[x.name] - last.energy_lost[x.name] for x in _rubbing(problem))
     drop = sum(start.energies.values()) - sum(found.energies.values())
-    lost, names = max(work + drop, 0.0), let_go(last.parameters, p)
+    lost, names = max(work + drop, 0.0), problem.let_go(last.parameters, p)
     changed = {
         name: Values({**p[name], "work": p[name]["work"] + lost / len(names)})
         for name in names

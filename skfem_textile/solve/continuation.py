@@ -80,10 +80,13 @@ class LoadSteps:
             load_factors += np.linspace(first, last, finer * steps + 1)[1:].tolist()
         return load_factors
 
+    def number(self, t: float) -> int:
+        """Number of steps of the part that contains a load factor or ends there."""
+        return self.numbers[bisect_left(ends_of_parts(len(self.numbers))[1:], t)]
+
     def length(self, t: float) -> float:
-        """Length of the steps of the part that contains a load factor or ends there."""
-        part = bisect_left(ends_of_parts(len(self.numbers))[1:], t)
-        return 1.0 / (len(self.numbers) * self.numbers[part])
+        """Length of these steps."""
+        return 1.0 / (len(self.numbers) * self.number(t))
 
 
 def ends_of_parts(n: int) -> list[float]:
