@@ -16,11 +16,13 @@ from skfem_textile import (
     Locking,
     Macro,
     OnePoint,
+    OnSurface,
     Ply,
     Programme,
     Quadratic,
     WithFriction,
 )
+from skfem_textile.drape import Sphere
 from skfem_textile.fabric import along
 from skfem_textile.scenes import bias_extension, picture_frame
 from skfem_textile.solve.conditions import constraints_after
@@ -261,7 +263,29 @@ def test_a_state_has_an_interval_until_conditions_end():
     result = let_go(ELASTIC).run()
     held, free, later = (result.interval(x) for x in result.states[4:7])
     assert "conditions have ended" not in held.reason
-    assert "conditions have ended" in free.reason and free.reason == later.reason
+    assert "conditions have ended" in free.reason
+    assert later.reason == free.reason
+
+
+def test_a_condition_ends_on_a_surface():
+    """The ply slides back to where it lies without the condition."""
+    mesh = MeshQuad().refined(2).scaled(50.0)
+    ply = Ply(mesh, Fabric(1e2, 0.5), dimension=3)
+    corners = (lambda X: (X[0] == 0) & (X[1] == 0)), (lambda X: X[0] + X[1] == 100)
+    held = {
+        "sphere": OnSurface(Sphere(80.0, (0.0, 0.0, -80.0))),
+        "corner": Condition(corners[0], (0.0, 0.0, None)),
+        "side": Condition(lambda X: (X[0] == 50) & (X[1] == 0), (None, 0.0, None)),
+    }
+    pulled = {"pulled": Condition(corners[1], (-3.0, None, None), until=0.5)}
+    free, result = (LoadStepper(ply, held | x, 2).run() for x in ({}, pulled))
+    assert np.abs(result.states[1].reactions["pulled"]).max() > 0.1
+    assert np.abs(result.u - free.u).max() < 1e-6
+
+
+def test_an_initial_guess_of_a_ply_whose_conditions_end_is_refused():
+    with pytest.raises(ValueError, match="initial_guess does not apply"):
+        let_go(ELASTIC, initial_guess=np.zeros(18))
 
 
 @pytest.mark.parametrize("states", [2, 3, 4])
