@@ -10,12 +10,14 @@ computed in one step and in two, and both must agree.
 import logging
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import shortened
 from ..ply.parameters import PlyParameters
 from . import active_set
 from .problem import HOLD, Evaluation, Problem
@@ -56,6 +58,10 @@ _SHORTEST_STEP = 1e-9
 _DRIVES = 0.5
 
 
+# Largest accepted number of equal steps; more are considered a mistake.
+_MOST_STEPS = 1_000_000
+
+
 @dataclass(frozen=True)
 class LoadSteps:
     """Requested load steps: parts of equal length, each in equal steps.
@@ -87,6 +93,27 @@ class LoadSteps:
     def length(self, t: float) -> float:
         """Length of these steps."""
         return 1.0 / (len(self.numbers) * self.number(t))
+
+
+def load_steps(steps: Any) -> LoadSteps:
+    """Validated numbers of steps."""
+    if not isinstance(steps, list | tuple):
+        refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
+        return LoadSteps((int(steps),))
+    for part, number in enumerate(steps, 1):
+        refuse_unless_whole(f"steps of part {part}", number, 1, _MOST_STEPS)
+    refuse_unless_whole("the sum of steps", sum(steps), 1, _MOST_STEPS)
+    return LoadSteps(tuple(map(int, steps)))
+
+
+def refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
+    """Refuse a number that is not whole or beyond its limits."""
+    with suppress(TypeError, ValueError, OverflowError):
+        if least <= int(number) == number <= most:
+            return
+    raise ValueError(
+        f"{name} must be a whole number from {least} to {most}, got {shortened(number)}"
+    )
 
 
 def ends_of_parts(n: int) -> list[float]:

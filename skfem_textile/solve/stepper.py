@@ -4,7 +4,6 @@ import logging
 import os
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from datetime import timedelta
 from functools import cached_property, partial
@@ -21,14 +20,15 @@ from .conditions import Conditions, Constraints, constraints_after, travels
 from .continuation import (
     MOST_PROJECTED,
     Continuation,
-    LoadSteps,
     balanced_at_rest,
     ends_of_parts,
     initial_guess,
     load_growth,
+    load_steps,
     loads_drive,
     moves,
     path_warning,
+    refuse_unless_whole,
 )
 from .linear import solver_named
 from .linear.solver import Clock
@@ -56,9 +56,6 @@ log = logging.getLogger(__name__)
 DEFAULT_WARN_ONLY = (
     *("work", "stabilisation", "deviation", "corners", "surface", "slack"),
 )
-
-# Largest accepted number of equal steps; more are considered a mistake.
-_MOST_STEPS = 1_000_000
 
 # Maximum number of halvings: a load factor near 1 has 53 binary digits, of which 20 are
 # for the steps.
@@ -153,7 +150,7 @@ class LoadStepper:
     ) -> None:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
         _check_arguments(ply, max_halvings, warn_only, callbacks)
-        self.steps = _load_steps(steps)
+        self.steps = load_steps(steps)
         self.load_factors = self.steps.ends()[1:]
         chosen = solver_named(solver)
         constraints = Constraints(ply.basis, conditions)
@@ -660,7 +657,7 @@ def _check_arguments(
     """Refuse invalid arguments of `LoadStepper`."""
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
-    _refuse_unless_whole("max_halvings", max_halvings, 0, _MOST_HALVINGS)
+    refuse_unless_whole("max_halvings", max_halvings, 0, _MOST_HALVINGS)
     known = ", ".join(CHECKS)
     # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
@@ -675,17 +672,6 @@ def _check_arguments(
             raise ValueError(f"{name} must be a function, not {function!r}")
 
 
-def _load_steps(steps: Any) -> LoadSteps:
-    """Validated numbers of steps."""
-    if not isinstance(steps, list | tuple):
-        _refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
-        return LoadSteps((int(steps),))
-    for part, number in enumerate(steps, 1):
-        _refuse_unless_whole(f"steps of part {part}", number, 1, _MOST_STEPS)
-    _refuse_unless_whole("the sum of steps", sum(steps), 1, _MOST_STEPS)
-    return LoadSteps(tuple(map(int, steps)))
-
-
 def _checked_guess(guess: Any, ply: Ply) -> ndarray | None:
     """Validated initial guess of a ply, if there is one."""
     if guess is None:
@@ -697,12 +683,3 @@ def _checked_guess(guess: Any, ply: Ply) -> ndarray | None:
             f"of the ply, got an array of shape {u.shape}"
         )
     return u
-
-
-def _refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
-    with suppress(TypeError, ValueError, OverflowError):
-        if least <= int(number) == number <= most:
-            return
-    raise ValueError(
-        f"{name} must be a whole number from {least} to {most}, got {shortened(number)}"
-    )
