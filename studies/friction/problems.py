@@ -1,7 +1,9 @@
 """Plies that slide on tools, with exact forces where they are known."""
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,8 +27,9 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.ply.parameters import Values
+from skfem_textile.ply.parameters import NO_VALUES, Values
 
+from ..common.rivals.nodes import contact_at_nodes
 from ..study import Row
 
 # Checks that warn only, in strips of a few elements.
@@ -193,9 +196,6 @@ class Strip:
             }
         ]
 
-    def _pulled(self, X: ndarray, t: float) -> ndarray:
-        return np.full(X.shape[1], self._path(t))
-
     def _path(self, t: float) -> float:
         return 2 * float(np.sin(2 * np.pi * self.cycles * t)) if self.cycles else 2 * t
 
@@ -272,21 +272,29 @@ class Hemisphere:
         Coefficient of all tools.
     slip
         Elastic slip in mm.
+    at_nodes
+        True for contact at the nodes, instead of the contact points of macro-elements.
     """
 
     parts: int
     steps: int
     friction: float = 0.2
     slip: float = 0.02
+    at_nodes: bool = False
 
     def __str__(self) -> str:
+        where = ", contact at the nodes" if self.at_nodes else ""
         return (
             f"hemisphere, {self.parts} parts, {self.steps} steps, μ {self.friction:g}, "
-            f"slip {self.slip:g}"
+            f"slip {self.slip:g}{where}"
         )
 
     def ply(self) -> Ply:
         """Quarter of the ply between its tools."""
+        with contact_at_nodes() if self.at_nodes else nullcontext():
+            return self._ply()
+
+    def _ply(self) -> Ply:
         rub: Any = {"friction": self.friction, "elastic_slip": self.slip}
         turn, hole = np.linspace(0, 2 * np.pi, 181), _PUNCH + 5 + _FILLET
         circle = np.array([np.cos(turn), np.sin(turn)])
@@ -328,7 +336,9 @@ class Hemisphere:
         angle = np.degrees(np.abs(ply.shear_angle(state.u, ply.centre)).max())
         force = np.array([one.reactions["punch"][2] for one in result.states])
         travel = np.array([75.0 * one.load_factor for one in result.states])
-        work, energy = float(np.trapezoid(force, travel)), _stored(result)
+        pressed = -work_of(result, "holder")
+        work = float(np.trapezoid(force, travel)) + pressed
+        stabilised = state.energies["stabilisation"] - work_of(result, "stabilisation")
         slid = float(lost(result)[-1])
         return [
             {
@@ -338,21 +348,64 @@ class Hemisphere:
                 "draw_in": _HALF - float(x[0, side]),
                 "corner": float(np.hypot(*(_HALF - x[:2, corner]))),
                 "work": slid,
-                "balance": (energy + slid) / work - 1,
+                "holder_work": pressed,
+                "beyond": _beyond(result),
+                "balance": (_stored(result, self.slip) + slid) / work - 1,
+                "of_stabilisation": stabilised / work,
                 "solves": result.linear_solves,
                 "resolved": result.path_resolved,
             }
         ]
 
 
-def _stored(result: Result) -> float:
-    """Rise of the energy of ply and tractions in N·mm."""
+def work_of(result: Result, name: str) -> float:
+    """Work against the forces of a term across the flange, by trapezoids, in N·mm.
+
+    All of its forces for terms of the ply; of a holder, whose friction is in the plane
+    of the flange, those of its pressure.
+    """
+    term = next(term for term in result.ply.terms if term.name == name)
+
+    def forces(state: State) -> ndarray:
+        p = state.parameters.get(name, NO_VALUES)
+        f = np.array(term.residual(state.u, state.load_factor, p))
+        if name == "holder":
+            f.reshape(-1, 3)[:, :2] = 0.0
+        return f
+
+    return sum(
+        0.5 * float((forces(one) + forces(other)) @ (other.u - one.u))
+        for one, other in pairwise(result.states)
+    )
+
+
+def _beyond(result: Result) -> float:
+    """Largest distance in mm by which the holder presses beyond its surface."""
+    state = result.states[-1]
+    term: Any = next(term for term in result.ply.terms if term.name == "holder")
+    under = state.parameters["holder"]["areas"] > 0
+    return float((term._points.positions(state.u)[2, under] - _GAP / 2).max())
+
+
+def _stored(result: Result, slip: float) -> float:
+    """Rise of the energy of ply, tractions and elastic slips in N·mm."""
 
     def of(state: State) -> float:
         pulled = (x for k, x in state.potentials.items() if k.startswith("traction"))
-        return sum(state.energies.values()) + sum(pulled)
+        return sum(state.energies.values()) + sum(pulled) + _of_slips(state, slip)
 
     return of(result.states[-1]) - of(result.states[0])
+
+
+def _of_slips(state: State, slip: float) -> float:
+    """Energy of the elastic slips on all tools in N·mm."""
+    energy = 0.0
+    for p in state.parameters.values():
+        if "bound" in p:
+            under = p["bound"] > 0
+            shear = (p["shear"][:, under] ** 2).sum(axis=0)
+            energy += slip * float((shear / (2 * p["bound"][under])).sum())
+    return energy
 
 
 def problems() -> Iterator[Any]:
@@ -367,4 +420,6 @@ def problems() -> Iterator[Any]:
     for parts, steps in ((12, 10), (12, 20), (12, 40), (24, 10), (24, 20), (48, 20)):
         yield Hemisphere(parts, steps)
     yield from (Hemisphere(24, 20, 0.2, 0.1), Hemisphere(24, 20, 0.2, 0.005))
-    yield from (Hemisphere(24, 20, 0.0), Hemisphere(48, 20, 0.0))
+    for parts, steps in ((12, 20), (12, 80), (24, 20), (24, 80), (48, 20)):
+        yield Hemisphere(parts, steps, 0.0)
+    yield Hemisphere(24, 10, at_nodes=True)

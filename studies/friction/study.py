@@ -41,7 +41,9 @@ def hemispheres(rows: list[Row]) -> str:
     return markdown_table(
         [
             *("hemisphere", "punch force in N", "largest angle", "draw-in in mm"),
-            *("at the corner", "work of sliding in N·mm", "energy balance", "solves"),
+            *("at the corner", "beyond the flange in mm", "work of sliding in N·mm"),
+            *("work of the holder", "energy balance", "of it the stabilisation"),
+            "solves",
         ],
         [
             [
@@ -50,8 +52,11 @@ def hemispheres(rows: list[Row]) -> str:
                 f"{row['angle']:.2f}°",
                 f"{row['draw_in']:.2f}",
                 f"{row['corner']:.2f}",
+                f"{row['beyond']:.1f}",
                 f"{row['work']:.1f}",
+                f"{row['holder_work']:.2f}",
                 f"{100 * row['balance']:.2f} %",
+                f"{100 * row['of_stabilisation']:.2f} %",
                 row["solves"],
             ]
             for row in rows
