@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -27,6 +28,7 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
+from skfem_textile.contact import Compaction
 from skfem_textile.ply.parameters import NO_VALUES, Values
 
 from ..common.rivals.nodes import contact_at_nodes
@@ -254,6 +256,60 @@ class Wedge:
         ]
 
 
+# Side of the square ply under a rigid holder in mm; its thickness in mm, pressure in
+# N/mm² and exponent of the power law of compaction.
+_SIDE, _THICKNESS, _STIFF, _EXPONENT = 20.0, 0.3, 1e-3, 8.0
+
+
+@dataclass(frozen=True)
+class Compacted:
+    """Ply that shears without friction below a rigid holder, by force in N and angle.
+
+    Of the ply at the shear angle γ in degrees the area A is cos γ times the flat one,
+    and the areal weight 1/cos γ times.
+    """
+
+    force: float
+    angle: float
+
+    def __str__(self) -> str:
+        return f"rigid holder, {self.force:g} N, shear {self.angle:g}°"
+
+    def rows(self) -> list[Row]:
+        """Force on the plate, and distance over t₀/cos γ (1 + F/PA)^(−1/B)."""
+        law = Compaction(_THICKNESS, _STIFF, _EXPONENT)
+        plate = Tool(drape.Plane(), side=1, name="plate")
+        holder = Holder(drape.Plane(), side=1, force=self.force, compaction=law)
+        fabric, mesh = Fabric(_FIBRES, 1.0), grid(_SIDE, _SIDE, 4, 4)
+        ply = Ply(mesh, fabric, terms=[plate, holder], dimension=3)
+        edge = ply.mesh.boundary_nodes()
+
+        def turned(component: int, X: ndarray, t: float) -> ndarray:
+            angle = np.radians(self.angle) * t
+            return X[1] * (np.sin(angle), np.cos(angle) - 1)[component]
+
+        conditions = {
+            "x": Condition(edge, partial(turned, 0), (1, 0, 0)),
+            "y": Condition(edge, partial(turned, 1), (0, 1, 0)),
+        }
+        result = LoadStepper(ply, conditions, steps=3, warn_only=_COARSE).run()
+        state, share = result.states[-1], np.cos(np.radians(self.angle))
+        force = float(state.reactions["plate"][2])
+        pressure = self.force / (_SIDE**2 * share)
+        distance = _THICKNESS / share * (1 + pressure / _STIFF) ** (-1 / _EXPONENT)
+        found = float(state.parameters["holder"]["distance"])
+        return [
+            {
+                "case": str(self),
+                "force": force,
+                "exact": self.force,
+                "off": force / self.force - 1,
+                "off_distance": found / distance - 1,
+                "solves": result.linear_solves,
+            }
+        ]
+
+
 # Quarter of a ply of 300 mm, radius of the punch, fillet of the die, and gap, in mm.
 _HALF, _PUNCH, _FILLET, _GAP = 150.0, 75.0, 10.0, 0.3
 
@@ -415,6 +471,7 @@ def problems() -> Iterator[Any]:
             yield Belt(mu, wrap, elements)
     yield from (Strip(0, 1), Strip(0, 20), Strip(2, 40), Strip(2, 80))
     yield from (Strip(2, 80, 0.1), Strip(0, 20, 0.1))
+    yield from (Compacted(10.0, 0.0), Compacted(10.0, 30.0), Compacted(400.0, 30.0))
     for slope in (1.0, 0.5, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1):
         yield Wedge(slope)
     for parts, steps in ((12, 10), (12, 20), (12, 40), (24, 10), (24, 20), (48, 20)):
