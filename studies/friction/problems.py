@@ -29,6 +29,7 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.contact import Compaction
+from skfem_textile.contact.holder import pressing
 from skfem_textile.ply.parameters import NO_VALUES, Values
 
 from ..common.rivals.nodes import contact_at_nodes
@@ -448,20 +449,20 @@ def _stored(result: Result, slip: float) -> float:
 
     def of(state: State) -> float:
         pulled = (x for k, x in state.potentials.items() if k.startswith("traction"))
-        return sum(state.energies.values()) + sum(pulled) + _of_slips(state, slip)
+        elastic = sum(_of_slips(term, state, slip) for term in pressing(result.ply))
+        return sum(state.energies.values()) + sum(pulled) + elastic
 
     return of(result.states[-1]) - of(result.states[0])
 
 
-def _of_slips(state: State, slip: float) -> float:
-    """Energy of the elastic slips on all tools in N·mm."""
-    energy = 0.0
-    for p in state.parameters.values():
-        if "bound" in p:
-            under = p["bound"] > 0
-            shear = (p["shear"][:, under] ** 2).sum(axis=0)
-            energy += slip * float((shear / (2 * p["bound"][under])).sum())
-    return energy
+def _of_slips(term: Any, state: State, slip: float) -> float:
+    """Energy of the elastic slips on a tool in N·mm."""
+    if not term.friction:
+        return 0.0
+    p = state.parameters[term.name]
+    squares = (term.friction.forces(state.u, state.load_factor, p) ** 2).sum(axis=1)
+    under = p["bound"] > 0
+    return 0.5 * slip * float((squares[under] / p["bound"][under]).sum())
 
 
 def problems() -> Iterator[Any]:
