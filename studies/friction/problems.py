@@ -416,10 +416,9 @@ class Hemisphere:
 
 
 def work_of(result: Result, name: str) -> float:
-    """Work against the forces of a term across the flange, by trapezoids, in N·mm.
+    """Work against the forces of a term, by trapezoids, in N·mm.
 
-    All of its forces for terms of the ply; of a holder, whose friction is in the plane
-    of the flange, those of its pressure.
+    Friction of a holder, which is in the plane of the flange, is left out.
     """
     term = next(term for term in result.ply.terms if term.name == name)
 
@@ -478,6 +477,6 @@ def problems() -> Iterator[Any]:
     for parts, steps in ((12, 10), (12, 20), (12, 40), (24, 10), (24, 20), (48, 20)):
         yield Hemisphere(parts, steps)
     yield from (Hemisphere(24, 20, 0.2, 0.1), Hemisphere(24, 20, 0.2, 0.005))
-    for parts, steps in ((12, 20), (12, 80), (24, 20), (24, 80), (48, 20)):
-        yield Hemisphere(parts, steps, 0.0)
+    for parts in (12, 24, 48):
+        yield Hemisphere(parts, 20, 0.0)
     yield Hemisphere(24, 10, at_nodes=True)
