@@ -5,7 +5,7 @@ factors if later ones change.  What a phase does not state keeps its value.
 """
 
 from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
@@ -240,7 +240,7 @@ class Process:
         tools: Sequence[Tool | Holder],
         axes: Mapping[str, tuple[Sequence[float], Any]] | None = None,
     ) -> None:
-        self.phases = tuple(phases)
+        self.phases, tools = _listed("phases", phases), _listed("tools", tools)
         _refuse_phases(self.phases, [tool.name for tool in tools])
         self.names = [phase.name for phase in self.phases]
         self.steps = tuple(phase.steps for phase in self.phases)
@@ -272,7 +272,8 @@ class Process:
     def at_ends(self, result: Result) -> list[int]:
         """Indices of the states at the ends of phases, and of the last state."""
         factors = [state.load_factor for state in result.states]
-        ends = [i for i, t in enumerate(factors) if t in self._ends[1:]]
+        last = {t: i for i, t in enumerate(factors)}  # of clamps that let go
+        ends = [last[t] for t in self._ends[1:] if t in last]
         return ends if factors[-1] in self._ends else [*ends, len(factors) - 1]
 
     def _moving(self, tool: Any, axis: Any) -> Any:
@@ -366,6 +367,7 @@ class Process:
                     f"{_text(rows[:, 0])}"
                 )
             return rows, self._travels[value.tool]
+        value = value.tolist() if isinstance(value, ndarray) else value  # or a number
         if isinstance(value, _ROWS) and len(value) and isinstance(value[0], _ROWS):
             return _of_shares(what, _array(what, value, of), before, steps), None
         given = np.ravel(np.asarray(value, dtype=object)).tolist()
@@ -421,6 +423,13 @@ def phase_table(result: Result, process: Process) -> list[dict[str, Any]]:
 # Ends of the columns of `tool_history` in the table of phases, and digits of a share.
 _TABLED = ("_travel_mm", "_rotation_deg", "_force_N", "_distance_mm")
 _DIGITS = 9
+
+
+def _listed(what: str, given: Any) -> tuple[Any, ...]:
+    """A user's list as a tuple."""
+    if not isinstance(given, Iterable):
+        raise ValueError(f"{what} must be a list of {what}, got {shortened(given)}")
+    return tuple(given)
 
 
 def _refuse_phases(phases: Sequence[Phase], tools: Sequence[str]) -> None:

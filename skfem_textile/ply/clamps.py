@@ -27,6 +27,7 @@ from ..fabric import unit_vectors
 from ..fabric.law import number
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import selected_nodes, turned_where
+from ..mesh.splitting import was_split
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .parameters import NO_VALUES, TermParameters, Values
 from .terms import SupportTerm, named_edges
@@ -131,6 +132,10 @@ class Clamp(declared.Clamp):
         else:
             nodes = selected_nodes(what, self.edge, basis)
             facets = mesh.boundary_facets()
+            if was_split(mesh):  # edges between selected nodes, at their midpoints
+                corner, middle = mesh.facets[:, facets]
+                both = np.bincount(middle, np.isin(corner, nodes)) == 2
+                nodes = np.union1d(nodes, np.flatnonzero(both))
             facets = facets[np.isin(mesh.facets[:, facets], nodes).all(axis=0)]
         where = "between the selected nodes"
         if isinstance(self.edge, str):
@@ -150,7 +155,13 @@ class Clamp(declared.Clamp):
         """True for positions, shape (2, n), within the rectangle."""
         what = f"{what}: within"
         if callable(self.within):
-            return np.asarray(call_user_function(what, self.within, X), dtype=bool)
+            inside = np.asarray(call_user_function(what, self.within, X))
+            if inside.shape != X.shape[1:] or inside.dtype != bool:
+                raise ValueError(
+                    f"{what} must return one bool for each of {X.shape[1]} positions, "
+                    f"got {shortened(inside)}"
+                )
+            return inside
         box = real_numbers(what, self.within)
         if box.shape != (4,) or not (box[:2] < box[2:]).all():
             raise ValueError(
