@@ -263,7 +263,7 @@ def varied(table: Any, where: str = "vary") -> dict[str, tuple[Any, ...]]:
     for key, of_key in table.items():
         path = f"{where}.{printable(key)}"
         if isinstance(of_key, list | tuple):
-            if len({repr(value) for value in of_key}) < max(len(of_key), 2):
+            if len({*map(_as_stated, of_key)}) < max(len(of_key), 2):
                 raise ValueError(
                     f"{path} must be an array of at least two different values"
                 )
@@ -271,6 +271,12 @@ def varied(table: Any, where: str = "vary") -> dict[str, tuple[Any, ...]]:
         else:
             values |= varied(of_key, path)
     return values
+
+
+def _as_stated(value: Any) -> str:
+    """Text of a value: 1 and 1.0 are the same, 1 and true are not."""
+    whole = isinstance(value, float) and value.is_integer()
+    return repr(int(value) if whole else value)
 
 
 def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
@@ -291,7 +297,7 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
     ValueError
         If the path leads through a value, or there is no such table of an array.
     """
-    first, _, rest = path.partition(".")
+    first, rest = first_name(path, tables)
     if not rest:
         return {**tables, first: value}
     inner = tables.get(first, () if first in ARRAYS else {})
@@ -301,8 +307,8 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
         isinstance(inner, list | tuple) and all(isinstance(x, dict) for x in inner)
     ):
         raise ValueError(f"{printable(first)} is a value, not a table")
-    name, _, key = rest.partition(".")
     names = [str(one.get("name", i)) for i, one in enumerate(inner, 1)]
+    name, key = first_name(rest, names)
     at = index_of(inner, name)
     every = name == "*" and inner
     if (at is None and not every) or not key:
@@ -324,6 +330,16 @@ def _is_of_scene(key: str, scene: Any) -> bool:
     """True if a key is one of a table of a scene, which may be invalid."""
     name = scene.get("name") if isinstance(scene, Mapping) else None
     return key in getattr(SCENES.get(str(name)), "__struct_fields__", ())
+
+
+def first_name(path: str, names: Iterable[str]) -> tuple[str, str]:
+    """First name of a path, the longest of ``names``, which may contain dots; the rest.
+
+    The part up to the first dot if the path begins with none of them.
+    """
+    known = [name for name in names if path.startswith(f"{name}.")]
+    first = max(known, key=len, default=path.partition(".")[0])
+    return first, path[len(first) + 1 :]
 
 
 def index_of(tables: Sequence[Mapping[str, Any]], name: str) -> int | None:

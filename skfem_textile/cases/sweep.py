@@ -28,6 +28,7 @@ from .read import (
     CaseFile,
     CaseFileError,
     declared,
+    first_name,
     index_of,
     read_tables,
     varied,
@@ -310,10 +311,12 @@ def resolved_case(found: Sequence[Variant]) -> CaseFile:
 
 def _value_at(tables: Any, path: str, otherwise: Any) -> Any:
     """Text at a path of tables; any other value as it was given."""
-    for name in path.split("."):
+    while path:
         if isinstance(tables, list):
+            name, path = first_name(path, [str(one.get("name")) for one in tables])
             tables = tables[index_of(tables, name) or 0]
         elif isinstance(tables, Mapping):
+            name, path = first_name(path, tables)
             tables = tables.get(name)
         else:
             return otherwise

@@ -193,7 +193,8 @@ def _refuse_asymmetric(ply: Ply, tools: Sequence[ToolTerm]) -> None:
 
     The nodes are moved along with each tool and projected onto every tool.  The mirror
     images of these points must be on the tool too, unless they are beyond its edges,
-    its outline, or the domain of its functions.
+    its outline, or the domain of its functions.  A tool with friction also moves
+    symmetrically: mirrored nodes that move with it are the mirror images of these.
     """
     planes = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
     X = np.pad(ply.nodes, ((0, 1), (0, 0)))
@@ -201,6 +202,8 @@ def _refuse_asymmetric(ply: Ply, tools: Sequence[ToolTerm]) -> None:
         travels = np.unique([tool.travel(t) for tool in tools], axis=0)
         moved = np.hstack([X + travel[:, None] for travel in travels])
         for tool in tools:
+            for name in planes if tool.friction else ():
+                _refuse_turned(tool, name, X, ply, t)
             bare = replace(tool._obstacle, reach=no_reach, half=0.0)
             with suppress(SurfaceError):  # not defined everywhere
                 x = _points_of(bare, moved, t, ply)
@@ -242,6 +245,26 @@ def _refuse_off(
             f"ply: it is {off[worst]:.3g} mm away from the mirror image of "
             f"{obstacle.place(x[:, worst])} at load factor {t:g}: compute the whole "
             "ply, or move the tool"
+        )
+
+
+def _refuse_turned(
+    tool: ToolTerm, boundary: str, X: ndarray, ply: Ply, t: float
+) -> None:
+    """Refuse a motion since load factor 0 that is not symmetric about a boundary."""
+    (R0, c0), (R, c) = map(tool._obstacle.placement, (0.0, t))
+    turn = R @ R0.T
+
+    def moved(x: ndarray) -> ndarray:
+        return turn @ (x - c0[:, None]) + c[:, None]
+
+    one, other = moved(_mirrored(ply, boundary, X)), _mirrored(ply, boundary, moved(X))
+    if (off := float(np.abs(one - other).max())) > _ASYMMETRIC * _size(ply):
+        raise ValueError(
+            f"{tool._obstacle.what} has friction, and its motion is not symmetric "
+            f"about the boundary {boundary!r} of the ply: mirror images differ by "
+            f"{off:.3g} mm at load factor {t:g}: compute the whole ply, or change the "
+            "motion"
         )
 
 

@@ -212,4 +212,5 @@ class RigidHolder:
         distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=8 * EPSILON)
         pressures = np.zeros_like(areas)
         pressures[under] = self.law.pressure_at(distance / weight[under])
-        return Pressed(pressures * (force / float(pressures @ areas)), distance)
+        total = float(pressures @ areas)  # 0 if the force is round-off
+        return Pressed(pressures * (force / total if total else 0.0), distance)

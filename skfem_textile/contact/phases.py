@@ -5,7 +5,7 @@ factors if later ones change.  What a phase does not state keeps its value.
 """
 
 from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from numbers import Real
@@ -218,7 +218,7 @@ class Process:
         tools: Sequence[Tool | Holder],
         axes: Mapping[str, tuple[Sequence[float], Any]] | None = None,
     ) -> None:
-        self.phases = tuple(phases)
+        self.phases, tools = _listed("phases", phases), _listed("tools", tools)
         names, axes = [tool.name for tool in tools], axes or {}
         _refuse_phases(self.phases, names)
         for name in axes:
@@ -253,7 +253,8 @@ class Process:
     def at_ends(self, result: Result) -> list[int]:
         """Indices of the states at the ends of phases, and of the last state."""
         factors = [state.load_factor for state in result.states]
-        ends = [i for i, t in enumerate(factors) if t in self._ends[1:]]
+        last = {t: i for i, t in enumerate(factors)}  # of clamps that let go
+        ends = [last[t] for t in self._ends[1:] if t in last]
         return ends if factors[-1] in self._ends else [*ends, len(factors) - 1]
 
     def _moving(self, tool: Any, axis: Any) -> Any:
@@ -354,6 +355,7 @@ class Process:
             travels = [along(t) for t in first + (last - first) * shares]
             refuse_turns(what, "travel {:g} mm", rows, np.array(travels))
             return rows, along
+        value = value.tolist() if isinstance(value, ndarray) else value  # or a number
         if isinstance(value, _ROWS) and len(value) and isinstance(value[0], _ROWS):
             rows = _of_shares(what, _array(what, value, of), before)
             refuse_turns(what, "share {:g}", rows, shares)
@@ -364,6 +366,13 @@ class Process:
         end = _array(what, [[0.0, *given]], of)[0, 1:]
         begin = end if of.jumps else before
         return np.array([[0.0, *begin], [1.0, *end]]), None
+
+
+def _listed(what: str, given: Any) -> tuple[Any, ...]:
+    """A user's list as a tuple."""
+    if not isinstance(given, Iterable):
+        raise ValueError(f"{what} must be a list of {what}, got {shortened(given)}")
+    return tuple(given)
 
 
 def _refuse_phases(phases: Sequence[Phase], tools: Sequence[str]) -> None:

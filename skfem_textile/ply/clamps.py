@@ -26,6 +26,7 @@ from ..fabric import unit_vectors
 from ..fabric.law import number
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import selected_nodes, turned_where
+from ..mesh.splitting import was_split
 from ..mesh.user_input import keep_copies, real_numbers, shortened
 from .parameters import NO_VALUES, TermParameters, Values
 from .terms import Term, named_edges
@@ -130,6 +131,10 @@ class Clamp(declared.Clamp):
         else:
             nodes = selected_nodes(what, self.edge, basis)
             facets = mesh.boundary_facets()
+            if was_split(mesh):  # edges between selected nodes, at their midpoints
+                corner, middle = mesh.facets[:, facets]
+                both = np.bincount(middle, np.isin(corner, nodes)) == 2
+                nodes = np.union1d(nodes, np.flatnonzero(both))
             facets = facets[np.isin(mesh.facets[:, facets], nodes).all(axis=0)]
         where = "between the selected nodes"
         if isinstance(self.edge, str):

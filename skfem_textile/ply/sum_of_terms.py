@@ -170,7 +170,8 @@ class SumOfTerms(FabricOnBasis):
     ) -> dict[str, float]:
         """Energy lost up to a state in N·mm, by term: by friction, and by clamps.
 
-        Empty without friction and clamps that may let go.
+        Empty without friction and clamps that may let go.  A clamp that holds has lost
+        nothing, even if it carries the force at which it lets go.
 
         Parameters
         ----------
@@ -178,11 +179,12 @@ class SumOfTerms(FabricOnBasis):
             Displacement, load factor and parameters of the state.
         """
         values = self.parameters_at_rest if parameters is None else parameters
-        return {
-            name: float(declared.advanced(values[name], u, t)["work"])
-            for name, declared in self._declared.items()
-            if any(_is_of_loss(value) for value in values[name])
+        after = {
+            name: x if "released_at" in x else self._declared[name].advanced(x, u, t)
+            for name, x in values.items()
+            if any(map(_is_of_loss, x))
         }
+        return {name: float(x["work"]) for name, x in after.items()}
 
     @cached_property
     def _at_elements(self) -> Fabric:

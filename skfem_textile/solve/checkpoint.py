@@ -119,9 +119,14 @@ class Checkpoint:
             self.folder.mkdir(parents=True, exist_ok=True)
         self._lock_folder()
         if self._files():
-            *_, last = self._states(self._read(_RUN, ""))
+            run = self._read(_RUN, "")
+            *_, last = self._states(run)
             with self._content_errors(self._files()[-1]):
-                finished = last.text["load_factor"] == 1.0
+                finished = last.text["load_factor"] == 1.0 and not any(
+                    np.linalg.norm(force)
+                    >= run.arrays.get(f"release of {name!r}", np.inf)
+                    for name, force in last.text["reactions"].items()
+                )
             if not finished:
                 raise CheckpointError(
                     f"checkpoint {self.folder} contains an unfinished run: resume it, "

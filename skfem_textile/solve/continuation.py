@@ -20,6 +20,7 @@ from numpy import ndarray
 from ..mesh.user_input import shortened
 from ..ply.parameters import PlyParameters
 from . import active_set
+from .direction import TINY
 from .problem import HOLD, Evaluation, Problem
 from .states import NoEquilibriumError, Overload, State
 
@@ -271,7 +272,12 @@ class Continuation:
         step, shortest = end - t, self.longest / 2.0**self.halvings
         if failure.overload:
             if step <= _SHORTEST_STEP:
-                raise failure
+                raise NoEquilibriumError(
+                    f"{failure}: its force jumps there",
+                    failure.elements,
+                    "a friction or motion that does not jump, such as rows of a phase, "
+                    "or a larger force of release",
+                )
             log.info("the step to load factor %g is shortened: %s", end, failure)
             self.overloads.append(failure.overload)
             return
@@ -397,24 +403,45 @@ def secant_predictor(
 ) -> Evaluation:
     """Predictor between tools: the last two states, extrapolated linearly.
 
-    The extrapolation is in proportion to the motion of supports and tools.  Nodes on
-    straight lines stretch fibres that rotate, to second order; the first tangent
-    therefore contains the tensions at the last state.  Returns the last state if
-    nothing moves, or if the extrapolation folds the ply or leaves the domain of a law.
+    The extrapolation is in proportion to the motion of supports and tools.  Where this
+    motion turns back without friction, the predictor is between two previous states,
+    see `_passed`.  Nodes on straight lines stretch fibres that rotate, to second order;
+    the first tangent therefore contains the tensions at the last state.  Returns the
+    last state if nothing moves, or if the predictor folds the ply or leaves the domain
+    of a law.
     """
     before, last = states[-2:]
-    places = []  # values of the fixed unknowns, and travels of the tools, in mm
-    for t in (before.load_factor, last.load_factor, problem.load_factor):
-        travels = (tool.travel(t) for tool in problem.contacts)
-        places.append(np.hstack([problem.constraints.fixed_values(t), *travels]))
-    moved, step = np.diff(places, axis=0)
+    factors = (before.load_factor, last.load_factor, problem.load_factor)
+    moved, step = np.diff([_places(problem, t) for t in factors], axis=0)
     share = float(moved @ step / (moved @ moved)) if moved.any() else 0.0
     u, p = start.u + share * (last.u - before.u), start.parameters
+    if share < 0 and not any(tool.friction for tool in problem.contacts):
+        u = _passed(problem, states)
     guess = _usable(problem, u, p) if share else None
     if guess is None:
         return start
     tension = problem.ply.geometric_tension(start.u, np.zeros_like(u), p)
     return replace(guess, tension=tension)
+
+
+def _passed(problem: Problem, states: Sequence[State]) -> ndarray:
+    """Displacement, linear between two states, with the nearest supports and tools.
+
+    A ply that unloads without friction returns along the states of its loading.
+    """
+    places = np.array([_places(problem, state.load_factor) for state in states])
+    moved, ahead = np.diff(places, axis=0), _places(problem, problem.load_factor)
+    along, size = (moved * (ahead - places[:-1])).sum(axis=1), (moved**2).sum(axis=1)
+    shares = np.clip(along / np.maximum(size, TINY), 0, 1)[:, None]
+    nearest = np.linalg.norm(places[:-1] + shares * moved - ahead, axis=1).argmin()
+    before, after = states[nearest], states[nearest + 1]
+    return np.asarray(before.u + shares[nearest] * (after.u - before.u))
+
+
+def _places(problem: Problem, t: float) -> ndarray:
+    """Values of the fixed unknowns, and travels of the tools, in mm."""
+    travels = (tool.travel(t) for tool in problem.contacts)
+    return np.hstack([problem.constraints.fixed_values(t), *travels])
 
 
 def surface_predictor(problem: Problem, start: Evaluation) -> Evaluation:

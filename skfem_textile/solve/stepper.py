@@ -357,7 +357,7 @@ class Run:
         return Result(
             ply=self.problem.ply,
             states=list(self.states),
-            converged=self.states[-1].load_factor == 1.0,
+            converged=self.states[-1].load_factor == 1.0 and not self._lets_go,
             linear_solves=clock.solves,
             factorisations=clock.factorisations,
             steps_cut=self.continuation.cut,

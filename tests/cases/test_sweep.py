@@ -17,10 +17,11 @@ from skfem_textile.cases import (
     sweep_case,
 )
 from skfem_textile.cases import sweep as module
-from skfem_textile.cases.read import with_value
+from skfem_textile.cases.read import varied, with_value
 from skfem_textile.cases.sweep import (
     REACHED,
     REASON,
+    _value_at,
     axis_of,
     resolved_case,
     run_variants,
@@ -131,6 +132,25 @@ def test_a_key_of_tools_of_a_scene_is_named():
     scene = {"scene": {"name": "hemisphere_forming"}}
     message = re.escape("in [[tools]], which is empty: write scene.friction")
     refused(lambda: with_value(scene, "tools.*.friction", 0.1), message)
+
+
+def test_names_of_tools_and_phases_may_contain_dots():
+    """The longest name that the path begins with is selected."""
+    own = {"friction": 0.1}
+    names = "a", "a.b c", "a.b"
+    phases = [{"name": x, "steps": 1, "tools": {"x": {}, "x.y": own}} for x in names]
+    tables = with_value({"phases": phases}, "phases.a.b c.steps", 4)
+    assert [phase["steps"] for phase in tables["phases"]] == [1, 4, 1]
+    tables = with_value(tables, "phases.a.b.tools.x.y.friction", 0.2)
+    changed = [phase["tools"]["x.y"]["friction"] for phase in tables["phases"]]
+    assert changed == [0.1, 0.1, 0.2]
+    assert _value_at(tables, "phases.a.b.name", "") == "a.b"
+
+
+def test_a_number_in_two_forms_is_one_value():
+    with pytest.raises(ValueError, match="at least two different values"):
+        varied({"scene": {"friction": [1, 1.0]}})
+    assert varied({"scene": {"x": [1, True]}}) == {"scene.x": (1, True)}
 
 
 REFUSED = {

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -208,6 +209,29 @@ def test_a_tool_without_the_symmetry_of_a_quarter_is_refused(tool, boundary):
         check_tools(quarter(*tools))
     assert "\n" not in str(error.value)
     check_tools(ply(*tools))
+
+
+@pytest.mark.parametrize(
+    ("motion", "boundary"),
+    [
+        (lambda t: (turned(0.3 * t, 2), np.zeros(3)), "left"),
+        (lambda t: (turned(0.3 * t * (1 - t), 0), np.zeros(3)), "bottom"),
+        ((0.0, 1.0, 0.0), "bottom"),
+    ],
+)
+def test_friction_of_a_tool_that_slides_or_turns_breaks_the_symmetry(motion, boundary):
+    """Also if the shape is symmetric; without friction there is no traction."""
+    plane = Tool(drape.Plane((0, 0, 1)), motion, side=-1, friction=0.3, name="one")
+    message = f"'one' has friction, and its motion is not symmetric about .*{boundary}"
+    with pytest.raises(ValueError, match=message) as error:
+        check_tools(quarter(plane, punch(0.5)))
+    assert "\n" not in str(error.value)
+    check_tools(quarter(replace(plane, motion=UP), punch(0.5)))
+
+
+def turned(angle, axis):
+    """Rotation matrix about an axis of the coordinates."""
+    return Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix()
 
 
 def test_a_part_that_deviates_only_where_the_ply_is_pushed_is_refused():

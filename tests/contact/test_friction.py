@@ -228,6 +228,8 @@ def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
     expected = law.pressure_at(distance / weight)
     assert pressures[:2] == pytest.approx(expected[:2], rel=1e-9)
     assert pressures[2] == 0.0
+    none = RigidHolder(lambda t: 5.0 * t, law).pressed(1e-20, areas, weight)
+    assert not none.pressures.any()  # a force of round-off
     none = RigidHolder(lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
     assert none.distance == pytest.approx(0.36)
     assert not none.pressures.any()

@@ -130,6 +130,16 @@ def test_one_motion_in_two_phases_gives_the_same_states(mu):
         assert min(one.states[-1].energy_lost.values()) > 1e-3  # also at the holder
 
 
+@pytest.mark.dear("a run between tools")
+def test_a_ply_that_unloads_in_one_step_takes_no_more_solves_than_a_step_of_loading():
+    back = Phase("back", 1, {"punch": {"motion": (0, 0, 0)}})
+    punch = Phase("punch", 3, {"punch": {"motion": (0, 0, 12)}})
+    _, *loading, unloading = [
+        state.linear_solves for state in stepper([punch, back])[1].run().states
+    ]
+    assert unloading <= max(loading)
+
+
 def test_a_process_can_be_pickled(formed):
     process, _ = formed
     again = pickle.loads(pickle.dumps(process))
@@ -156,6 +166,14 @@ def test_the_table_has_a_row_for_the_end_of_each_phase(formed):
     assert process.phase_at(0.0) == process.phase_at(1 / 3) == "close"
 
 
+def test_a_phase_at_whose_end_a_clamp_lets_go_has_one_row(formed):
+    """That of the state without the clamp."""
+    process, result = formed
+    states = result.states[:2] + result.states[1:]
+    twice = type(result)(**{**vars(result), "states": states})
+    assert process.at_ends(twice) == [i + 1 for i in process.at_ends(result)]
+
+
 def test_a_run_that_stopped_ends_with_its_last_state(formed):
     process, result = formed
     part = result.states[:3]  # within the second phase
@@ -171,6 +189,18 @@ def refused(message, phases, given=None, axes=None):
     with pytest.raises(ValueError, match=message) as caught:
         Process(phases, given or tools(), axes)
     assert "\n" not in str(caught.value)
+
+
+def test_lists_that_are_none_are_refused():
+    with pytest.raises(ValueError, match="phases must be a list of phases, got None"):
+        Process(None, tools())
+    with pytest.raises(ValueError, match="tools must be a list of tools, got None"):
+        Process([CLOSE], None)
+
+
+def test_a_number_may_be_an_array_without_axes():
+    phases = [Phase("a", 1, {"die": {"friction": np.array(0.3)}})]
+    assert Process(phases, tools()).tools[1].friction(1.0) == 0.3
 
 
 def moving(rows, steps=2, name="punch"):

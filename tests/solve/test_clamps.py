@@ -9,6 +9,7 @@ import pytest
 from skfem import MeshQuad
 
 from skfem_textile import (
+    CheckpointError,
     Clamp,
     Condition,
     Fabric,
@@ -477,6 +478,37 @@ def test_a_clamp_on_a_condition_is_refused_and_one_in_part_is_a_warning(caplog):
     )
 
 
+def test_a_run_that_stops_at_a_release_at_its_end_has_not_converged(tmp_path):
+    """Nothing holds the ply without the clamp, which has lost no energy yet."""
+    sides = {"side": Condition("left", (0.0, None))}
+    ply = strip(Clamp("top", K, release=F / 1.005), Traction("bottom", (0, -F / WIDTH)))
+    with pytest.raises(StepError, match="lets go at 30 N, and then") as stopped:
+        run(ply, sides, 2, checkpoint=tmp_path)
+    result = stopped.value.result
+    assert result.states[-1].load_factor == 1
+    assert not result.converged
+    assert not result.summary()["converged"]
+    assert result.summary()["clamp_energy_lost"] == 0
+    assert result.summary()["clamp_energy"] > 1
+    with pytest.raises(CheckpointError, match="contains an unfinished run"):
+        run(ply, sides, 2, checkpoint=tmp_path)
+
+
+def test_nodes_of_an_edge_are_those_of_the_mesh_before_it_is_split():
+    x = np.linspace(0, WIDTH, 3)
+    mesh = MeshQuad.init_tensor(x, x).with_defaults()
+    nodes = np.unique(mesh.facets[:, mesh.boundaries["top"]])
+    for formulation in (ONE_POINT, Macro(), Quadratic()):
+        by_name, by_number = (
+            Ply(mesh, FABRIC, formulation, [Clamp(edge, K)]).terms[-1]
+            for edge in ("top", nodes)
+        )
+        springs = [one.tangent(None, 0.0) for one in (by_name, by_number)]
+        assert abs(springs[0] - springs[1]).max() == 0
+    with pytest.raises(ValueError, match="no edge of the boundary between"):
+        Ply(mesh, FABRIC, Macro(), [Clamp(nodes[::2], K)])
+
+
 def test_a_force_that_jumps_over_the_release_is_refused():
     """A state far beyond the release is never accepted."""
 
@@ -484,6 +516,6 @@ def test_a_force_that_jumps_over_the_release_is_refused():
         return np.stack([0 * X[0], np.full(X.shape[1], -1.0 * (t > 0.5))])
 
     with pytest.raises(
-        StepError, match=r"carries .* times the force at which it lets go"
+        StepError, match=r"carries .* at which it lets go: its force jumps there; try a"
     ):
         run(strip(Clamp("top", K, release=10.0)), {"bottom": Condition("bottom", jump)})
