@@ -381,7 +381,8 @@ def phase_table(result: Result, process: Process) -> list[dict[str, Any]]:
 
     ``phase``, its name; ``share``, the share of it that is completed, 1 except in the
     last state of a run that stopped early; ``load_factor``; of each tool
-    ``NAME_travel_mm``, ``NAME_force_N`` and so on, see `tool_history`;
+    ``NAME_travel_mm``, ``NAME_force_N`` and so on, see `tool_history`; of each clamp
+    ``NAME_force_N``;
     ``max_shear_angle_deg``; ``max_draw_in_mm``; ``wrinkle_risk_share_of_area``; and
     ``energy_lost`` in N·mm, by friction and by laws, if any is lost.
 
@@ -408,6 +409,7 @@ def phase_table(result: Result, process: Process) -> list[dict[str, Any]]:
             "share": round(share, _DIGITS),
             "load_factor": t,
             **{key: column[i].item() for key, column in columns.items()},
+            **result.clamp_forces(state),
             "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
             "max_draw_in_mm": float(draw_in(ply, u).inwards.max()),
             "wrinkle_risk_share_of_area": share_of_area(ply, risk),
