@@ -206,7 +206,7 @@ def _saved(case: Case, folder: Path, summary: dict[str, Any]) -> tuple[ndarray, 
             Replay(stepper.problem, guessed=stepper.initial_guess is not None)
         )
     finally:
-        checkpoint.release()
+        checkpoint.unlock()
     if saved is None:
         raise ValueError(
             f"{printable(folder)} contains neither fields/{_SERIES} nor a checkpoint "

@@ -17,9 +17,9 @@ from numpy import ndarray
 from ..io.file_numbers import word_of, write_table
 from ..mesh.progress import shown, unlogged
 from ..mesh.user_input import error_text, printable
+from ..scenes.samples import printed_numbers, run_unlogged
 from ..scenes.scene import Case
-from ..solve.quantities import IN_PLANE, IN_SPACE, Quantity
-from ..solve.result import StepError
+from ..solve.quantities import IN_PLANE, IN_SPACE
 from ..sweep import SweepError, ThisThread, sweep
 from .build import built
 from .read import (
@@ -353,16 +353,9 @@ def _name_of(names: Sequence[str], numbered: tuple[int, Case]) -> str:
 def _run(numbered: tuple[int, Case]) -> dict[str, Any]:
     """Row of a run, without its values."""
     case = numbered[1]
-    with unlogged():
-        try:
-            result, reason = case.run(), ""
-        except StepError as error:
-            result, reason = error.result, _line(error)
-        except ValueError as error:
-            return _end(reason=_line(error))
-        if result.states[-1].load_factor == 0:
-            return _end(reason=reason, solves=result.linear_solves)
-        summary = case.summary(result)
+    result, summary, reason = run_unlogged(case)
+    if result is None:
+        return _end(reason=reason)
     return {
         **_figures(summary),
         **_end(
@@ -374,10 +367,6 @@ def _run(numbered: tuple[int, Case]) -> dict[str, Any]:
     }
 
 
-def _line(error: Exception) -> str:
-    return str(error).partition("\n")[0]
-
-
 def _end(
     reached: float = 0.0, reason: str = "", solves: int = 0, warnings: str = ""
 ) -> dict[str, Any]:
@@ -387,7 +376,7 @@ def _end(
 def _figures(summary: Mapping[str, Any]) -> dict[str, float]:
     """Quantities that are printed first, by name and unit, and their half-widths."""
     figures: dict[str, float] = {}
-    for one in (Quantity(**fields) for fields in summary["first"]):
+    for one in printed_numbers(summary):
         scale = 100.0 if one.unit == "%" else 1.0
         name = f"{one.name} ({one.unit})"
         columns = {name: one.key}
@@ -395,7 +384,7 @@ def _figures(summary: Mapping[str, Any]) -> dict[str, float]:
             columns[half_width_of(name)] = f"{one.key}_half_width"
         for column, key in columns.items():
             value = summary.get(key)
-            if one.unit and isinstance(value, int | float):
+            if isinstance(value, int | float):
                 figures[column] = scale * value
     return figures
 

@@ -13,7 +13,7 @@ from .. import solve
 from ..mesh.bases import components
 from ..mesh.user_input import CopiedError
 from ..ply import Ply
-from ..ply.terms import ContactTerm, SupportTerm
+from ..ply.terms import ContactTerm
 from ..surfaces.surface import Surface
 from .conditions import Conditions
 from .continuation import path_warning
@@ -480,21 +480,21 @@ class Result:
     def _tools(self) -> list[ContactTerm]:
         return [x for x in self.ply.terms if isinstance(x, ContactTerm)]
 
-    def _clamps(self) -> list[SupportTerm]:
-        return [x for x in self.ply.terms if isinstance(x, SupportTerm)]
+    def _clamps(self) -> list[Any]:
+        return [x for x in self.ply.terms if x.release is not None]
 
     def clamp_forces(self, state: State) -> dict[str, float]:
         """Magnitude of the force of each clamp in a state in N, ``NAME_force_N``."""
         if not (clamps := self._clamps()):
             return {}
-        from .letting_go import clamp_forces
+        from .clamp_release import clamp_forces
 
         return clamp_forces(clamps, state)
 
     def _figures_of_clamps(self) -> dict[str, Any]:
         if not (clamps := self._clamps()):
             return {}
-        from .letting_go import clamp_figures
+        from .clamp_release import clamp_figures
 
         return clamp_figures(clamps, self.states)
 
