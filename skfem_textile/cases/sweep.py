@@ -418,7 +418,12 @@ def axis_of(key: str) -> str:
     --------
     >>> axis_of("tools.holder.force_N"), axis_of("scene.fibres_deg")
     ('Holder force (N)', 'Fibres (°)')
+    >>> axis_of("phases.up.tools.punch.friction")
+    'Punch friction in phase up'
     """
+    if key.startswith("phases."):
+        _, phase, inner = key.split(".", 2)
+        return f"{axis_of(inner)} in phase {phase}"
     words = key.removeprefix("scene.").removeprefix("tools.").removeprefix("*.")
     end = next((end for end in _UNITS if words.endswith(end)), "")
     text = words.removesuffix(end).replace(".", " ").replace("_", " ")

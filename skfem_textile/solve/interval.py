@@ -250,7 +250,7 @@ def error_interval(
         return ErrorInterval(reason="the equilibrium is not stable")
     if not problem.constraints.free.size:
         return ErrorInterval(reason="no node is free: refine the mesh")
-    if problem.ply.fabric.has_friction or problem.rubbing:
+    if problem.has_friction:
         return ErrorInterval(reason=_FRICTION)
     if any(p.get("released_at", np.inf) < np.inf for p in state.parameters.values()):
         return ErrorInterval(reason=_LET_GO)

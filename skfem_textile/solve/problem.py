@@ -169,6 +169,7 @@ class Problem:
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
         self.rubbing: list[Any] = [x for x in ply.terms if getattr(x, "friction", None)]
+        self.has_friction = ply.fabric.has_friction or bool(self.rubbing)
         self.clamps: list[Any] = [x for x in ply.terms if x.release is not None]
         for kind, terms in ("tool", self.contacts), ("clamp", self.clamps):
             for term in terms:

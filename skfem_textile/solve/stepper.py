@@ -155,18 +155,16 @@ class LoadStepper:
         chosen = solver_named(solver)
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
-        factors = (
-            *(getattr(one, "factor", None) for one in conditions.values()),
-            *(getattr(one, "factor", None) for one in ply.terms),
-            *(amount for one in ply.terms for amount in getattr(one, "amounts", ())),
-        )
+        followed = *conditions.values(), *ply.terms
+        factors = [getattr(one, "factor", None) for one in followed]
+        factors += [x for one in ply.terms for x in getattr(one, "amounts", ())]
         for factor in factors:
             if check := getattr(factor, "check_steps", None):
                 check(self.load_factors)
         ends = *(conditions, self.load_factors), constraints.nodes
         endings = constraints_after(ply.basis, *ends)
         self.problem = problem = Problem(ply, constraints, chosen, endings)
-        self.initial_guess = _checked_guess(initial_guess, ply)
+        self.initial_guess = _checked_guess(initial_guess, problem)
         if endings and initial_guess is not None:
             raise ValueError(
                 "initial_guess does not apply to conditions that end: omit it"
@@ -672,14 +670,16 @@ def _check_arguments(
             raise ValueError(f"{name} must be a function, not {function!r}")
 
 
-def _checked_guess(guess: Any, ply: Ply) -> ndarray | None:
-    """Validated initial guess of a ply, if there is one."""
+def _checked_guess(guess: Any, problem: Problem) -> ndarray | None:
+    """Validated initial guess of a problem, if there is one."""
     if guess is None:
         return None
-    u = real_numbers("initial_guess", guess)
-    if u.shape != (ply.basis.N,) or not np.isfinite(u).all():
+    if problem.rubbing:
+        raise ValueError("initial_guess: friction of tools requires steps: omit it")
+    u, n = real_numbers("initial_guess", guess), problem.ply.basis.N
+    if u.shape != (n,) or not np.isfinite(u).all():
         raise ValueError(
-            f"initial_guess must be {ply.basis.N} finite numbers, one for each unknown "
+            f"initial_guess must be {n} finite numbers, one for each unknown "
             f"of the ply, got an array of shape {u.shape}"
         )
     return u

@@ -200,7 +200,12 @@ def test_a_programme_and_a_release_are_parts_of_equal_steps(tmp_path):
         (
             "bias_extension",
             f"--tolerance 0.1 {FRICTION}.onsets_deg=1,8",
-            "a tolerance requires laws without friction",
+            "a tolerance requires laws and tools without friction",
+        ),
+        (
+            "hemisphere_forming",
+            "--tolerance 0.1 --set scene.friction=0.1",
+            "a tolerance requires laws and tools without friction",
         ),
     ],
 )
