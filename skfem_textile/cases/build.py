@@ -33,7 +33,7 @@ from ..ply.terms import Factor, Load, proportional
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
 from .fabrics import errors_in, fabric_of_file
-from .phases import in_phases
+from .phases import described_phase, in_phases
 from .read import (
     CaseFile,
     CaseFileError,
@@ -233,6 +233,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         solver=file.stepping.solver,
         pictures=file.output.pictures,
         changes=fit.note,
+        describe=described_phase(scene, file.output.describe),
     )
     notes = filter(None, (_defaults(file, case, default), *assumed))
     return replace(case, defaults="; ".join(notes))

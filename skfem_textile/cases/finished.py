@@ -39,7 +39,7 @@ _SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class FinishedRun:
-    """Last state of a run, from the files in its folder.
+    """State of a run that its summary describes, from the files in its folder.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class FinishedRun:
     ply
         The ply at rest.
     u
-        Displacement of the last state.
+        Displacement of the state, see `Case.described`.
     load_factor
         Its load factor.
     summary
@@ -73,10 +73,11 @@ class FinishedRun:
 
 
 def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
-    """Read the last state of a run from its results folder, without computing it again.
+    """Read a run from its results folder, without computing it again.
 
-    Forces and fields stay in the files of the folder.  If ``fields`` is missing, the
-    state is the last one of the checkpoint in the folder, which is validated.
+    In the state that its summary describes, usually the last one.  Forces and fields
+    stay in the files of the folder.  If ``fields`` is missing, the state is read from
+    the checkpoint in the folder, which is validated.
 
     Parameters
     ----------
@@ -113,8 +114,8 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
         ply = case.ply()
     summary = read_summary(folder)
     if not (folder / "fields" / _SERIES).exists():
-        return FinishedRun(case, ply, *_last_saved(case, folder), summary)
-    file, load_factor = _last(folder / "fields")
+        return FinishedRun(case, ply, *_saved(case, folder, summary), summary)
+    file, load_factor = _described(folder / "fields", summary)
     X, moves = _displacement(file)
     axes, mesh = case.scene.axes, ply.mesh
     flat = axes.of_tool(np.pad(mesh.p, ((0, 1), (0, 0))))
@@ -183,8 +184,17 @@ def content_of(file: Path) -> str:
         ) from None
 
 
-def _last_saved(case: Case, folder: Path) -> tuple[ndarray, float]:
-    """Displacement and load factor of the last state of a checkpoint."""
+def _nearest(load_factors: list[float], summary: dict[str, Any]) -> int:
+    """Index of the last state at the load factor of a summary; -1 if it has none."""
+    described = summary.get("load_factor")
+    if not isinstance(described, int | float):
+        return -1
+    away = np.abs(np.array(load_factors) - described)
+    return int(np.flatnonzero(away == away.min())[-1])
+
+
+def _saved(case: Case, folder: Path, summary: dict[str, Any]) -> tuple[ndarray, float]:
+    """Displacement and load factor of a state of a checkpoint."""
     with unlogged():
         stepper = case.stepper(folder / _CHECKPOINT)
     from ..solve.checkpoint import Replay
@@ -202,17 +212,19 @@ def _last_saved(case: Case, folder: Path) -> tuple[ndarray, float]:
             f"{printable(folder)} contains neither fields/{_SERIES} nor a checkpoint "
             f"in the folder {_CHECKPOINT}: run the case again, with --checkpoint"
         )
-    return saved.states[-1].u, saved.states[-1].load_factor
+    state = saved.states[_nearest([x.load_factor for x in saved.states], summary)]
+    return state.u, state.load_factor
 
 
-def _last(folder: Path) -> tuple[Path, float]:
-    """File of the last state, and its load factor."""
+def _described(folder: Path, summary: dict[str, Any]) -> tuple[Path, float]:
+    """File of a state, and its load factor."""
     series = folder / _SERIES
     listed = _STEP.findall(content_of(series))
     if not listed:
         raise ValueError(f"{printable(series)} lists no states: run the case again")
-    load_factor, name = listed[-1]
-    return folder / name, float(load_factor)
+    factors = [float(load_factor) for load_factor, _ in listed]
+    i = _nearest(factors, summary)
+    return folder / listed[i][1], factors[i]
 
 
 def _displacement(file: Path) -> tuple[ndarray, ndarray]:

@@ -157,6 +157,19 @@ def in_phases(scene: "Scene", file: Any, tools: Sequence["Tool | Holder"]) -> "S
     return follow(scene, phases, tools, axes)
 
 
+def described_phase(scene: "Scene", name: str | None) -> str | None:
+    """Phase that ``output.describe`` names, refused if the scene has no such phase."""
+    if name is None:
+        return None
+    if scene.process is None:
+        raise ValueError("output.describe requires a case with [[phases]]: omit it")
+    from ..io.file_numbers import errors_about
+
+    with errors_about("output.describe"):
+        scene.process.begin(name)
+    return name
+
+
 def furthest(phases: Sequence[PhaseTable], tool: str) -> float | None:
     """The largest motion of a tool along z in mm, with its sign; None if not moved."""
     moved = (phase.tools[tool].motion_mm for phase in phases if tool in phase.tools)

@@ -568,6 +568,13 @@ class Output(Table):
     """Files in addition to the results of a run."""
 
     pictures: Annotated[bool, about("draw pictures")] = True
+    describe: Annotated[
+        str | None,
+        about(
+            "name of the phase at whose end summary, pictures and exported part "
+            "describe the ply (default: where the driven tool is furthest)"
+        ),
+    ] = None
     test_curve: Annotated[
         str | None,
         about("CSV file with a test curve, drawn with the curve of the run"),

@@ -4,7 +4,7 @@ import logging
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -14,14 +14,12 @@ import numpy as np
 from msgspec import structs
 from numpy import ndarray
 
-from ..contact.figures import PARTS, mirror_images, travels
 from ..io.file_numbers import word_of, write_table
 from ..mesh.progress import shown, unlogged
 from ..mesh.user_input import error_text, printable
 from ..scenes.samples import printed_numbers, run_unlogged
 from ..scenes.scene import Case
-from ..solve.quantities import IN_PLANE, IN_SPACE, LOST
-from ..solve.result import Result
+from ..solve.quantities import IN_PLANE, IN_SPACE
 from ..sweep import SweepError, ThisThread, sweep
 from .build import built
 from .read import (
@@ -92,9 +90,9 @@ class CaseSweep:
         A row for each combination of values, in their order: the values by key, the
         figures by name and unit, ``linear solves``, ``load factor``, ``reason`` and
         ``warnings``.  Figures describe the last state, at this load factor; between
-        tools the state in which the driven one is furthest, for example before it
-        returns.  A run without a converged step has none.  ``reason`` is empty for a
-        run that applied the whole load.
+        tools that in which a complete run is `Case.described`, for example before the
+        driven tool returns.  A run without a converged step has none.  ``reason`` is
+        empty for a run that applied the whole load.
     """
 
     vary: Mapping[str, tuple[Any, ...]]
@@ -273,7 +271,7 @@ def _variant(
         if getattr(getattr(file, table), name) is not None:
             raise ValueError(f"{key} does not apply to a sweep: omit it")
     if logged:
-        if structs.replace(file.output, pictures=True) != Output():
+        if structs.replace(file.output, pictures=True, describe=None) != Output():
             log.warning("a sweep leaves out the files of [output], except pictures")
         case = built(file)
         case.ply()
@@ -358,12 +356,11 @@ def _name_of(names: Sequence[str], numbered: tuple[int, Case]) -> str:
 def _run(numbered: tuple[int, Case]) -> dict[str, Any]:
     """Row of a run, without its values."""
     case = numbered[1]
-    furthest = partial(_until_furthest, driven=case.scene.driven)
-    result, summary, reason = run_unlogged(case, furthest)
+    result, summary, reason = run_unlogged(case)
     if result is None:
         return _end(reason=reason)
     return {
-        **_figures(summary, result),
+        **_figures(summary),
         **_end(
             result.states[-1].load_factor,
             reason,
@@ -373,32 +370,17 @@ def _run(numbered: tuple[int, Case]) -> dict[str, Any]:
     }
 
 
-def _until_furthest(result: Result, driven: str) -> Result:
-    """The result up to the state in which a driven tool is furthest."""
-    far = travels(result).get(driven)
-    if far is None:
-        return result
-    return replace(result, states=result.states[: int(far.argmax()) + 1])
-
-
 def _end(
     reached: float = 0.0, reason: str = "", solves: int = 0, warnings: str = ""
 ) -> dict[str, Any]:
     return {SOLVES: solves, REACHED: reached, REASON: reason, WARNINGS: warnings}
 
 
-def _figures(summary: Mapping[str, Any], result: Result) -> dict[str, float]:
-    """Quantities that are printed first, by name and unit, and their half-widths.
-
-    The energy lost is of the whole ply, as forces are, if a half or quarter is
-    computed.
-    """
+def _figures(summary: Mapping[str, Any]) -> dict[str, float]:
+    """Quantities that are printed first, by name and unit, and their half-widths."""
     figures: dict[str, float] = {}
-    parts = mirror_images(result.ply)
     for one in printed_numbers(summary):
         scale = 100.0 if one.unit == "%" else 1.0
-        if one.key == LOST.key and parts in PARTS:
-            scale = float(parts)
         name = f"{one.name} ({one.unit})"
         columns = {name: one.key}
         if one.has_interval:

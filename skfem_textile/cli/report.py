@@ -11,10 +11,18 @@ from typing import Any
 
 from ..cases.build import case_from_file
 from ..cases.finished import content_of, read_summary
+from ..cases.sweep import axis_of
 from ..cases.write import CASE
 from ..mesh.progress import unlogged
 from ..mesh.user_input import printable
-from ..solve.quantities import band_rows, first_rows
+from ..solve.quantities import (
+    IN_PLANE,
+    LOST,
+    OF_PLY,
+    Quantity,
+    band_rows,
+    first_rows,
+)
 from .curve import CURVE, Curve, completed, read_test_curve
 from .output import say
 from .page import Row, formatted, rows, sources, write_page
@@ -29,6 +37,9 @@ SAMPLES = "samples.csv"
 
 #: File of the figures at the ends of phases.
 PHASES = "phases.csv"
+
+# Decimals of figures of phases in N, mm, ° and %: less is round-off.
+_DECIMALS = 6
 
 # Acceptance checks of the last state: name, text if passed, text if failed.
 _CHECKS = {
@@ -99,6 +110,13 @@ def _first(folder: Path, summary: Mapping[str, Any]) -> Sequence[Row]:
         raise ValueError(damaged) from None
 
 
+# Figures at the ends of phases by key, with names as in the results.
+_NAMES = {one.key: one for one in (IN_PLANE, LOST, *OF_PLY)} | {
+    "max_draw_in_mm": Quantity("Largest draw-in", "", "mm"),
+    "share": Quantity("Share of the phase", "", "%"),
+}
+
+
 def _phases(folder: Path) -> list[list[float | str]]:
     """Table of a run with a column for each phase; empty if there are none."""
     if not (folder / PHASES).is_file():
@@ -106,13 +124,21 @@ def _phases(folder: Path) -> list[list[float | str]]:
     rows = [*csv.reader(content_of(folder / PHASES).splitlines())]
     if not rows or any(len(row) != len(rows[0]) for row in rows):
         raise ValueError(f"{printable(folder / PHASES)} is damaged: repeat the run")
-    return [[_short(cell) for cell in column] for column in zip(*rows, strict=True)]
+    return [_row_of_phases(*column) for column in zip(*rows, strict=True)]
 
 
-def _short(cell: str) -> float | str:
-    """Number of four digits; any other text unchanged."""
+def _row_of_phases(key: str, *cells: str) -> list[float | str]:
+    """Row of a table of phases: name with unit, and values."""
+    if (one := _NAMES.get(key)) is None:
+        return [axis_of(key), *(_short(cell, 1.0) for cell in cells)]
+    scale = 100.0 if one.unit == "%" else 1.0
+    return [f"{one.name} ({one.unit})", *(_short(cell, scale) for cell in cells)]
+
+
+def _short(cell: str, scale: float) -> float | str:
+    """Number of four digits, of which round-off is 0; any other text unchanged."""
     try:
-        return float(f"{float(cell):.4g}")
+        return float(f"{round(scale * float(cell), _DECIMALS):.4g}") + 0.0
     except ValueError:
         return cell
 

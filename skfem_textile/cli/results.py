@@ -1,11 +1,12 @@
 """Pictures of a run."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from ..scenes import Scene
+from ..scenes.scene import Case
 from ..solve.result import Result, StepError
 from .curve import (
     ANGLE,
@@ -24,16 +25,16 @@ from .interruption import held
 #: Pictures of a ply, and their captions, in the order of a report.
 PICTURES = {
     "refused.png": "Last converged state; the elements of the rejected step are marked",
-    "shear_angle.png": "Shear angle at the last load factor",
+    "shear_angle.png": "Shear angle in the state of the results",
     "draped.png": "Shear angle and contact pressure on the tool",
     "formed.png": "Shear angle, fibres and areal weight, with the tools",
     "section.png": "Section through ply and tools at several load factors",
-    "phases.png": "Shear angle at the end of each phase, with the tools",
-    "tool_force.png": "Force of the tools on the ply over the travel",
+    "phases.png": "Shear angle at the end of each phase",
+    "tool_force.png": "Force of tools and clamps on the ply over the travel",
     "samples.png": "Force of the run with the error interval of its mesh, and with the "
     "band of further specimens of the fabric",
-    "fibre_strain.png": "Fibre strain at the last load factor",
-    "fibre_directions.png": "Fibre directions at the last load factor",
+    "fibre_strain.png": "Fibre strain in the state of the results",
+    "fibre_directions.png": "Fibre directions in the state of the results",
     "animation.gif": "Shear angle during loading",
 }
 
@@ -46,7 +47,7 @@ CURVES = {
 
 
 def draw(
-    scene: Scene,
+    case: Case,
     run: Result | StepError,
     curve: Curve,
     test: Curve | None,
@@ -58,6 +59,7 @@ def draw(
     a test curve, the forces of the tools are the only plot of a ply between tools.
     """
     result = run.result if isinstance(run, StepError) else run
+    scene, process = case.scene, case.scene.process
     with held(), uncollected():  # VTK may crash if it is interrupted
         from .. import plot
         from ..io.results import has_tools
@@ -65,23 +67,26 @@ def draw(
         names = ["fibre_strain.png", "shear_angle.png", "fibre_directions.png"]
         if result.tool(1.0) is not None and not result.not_on_tool:
             names.append("draped.png")
-        formed = ["formed.png", "section.png", "tool_force.png"]
-        names += formed if has_tools(result.ply) else []
-        names.append("animation.gif")
-        pictures = [getattr(plot, Path(name).stem) for name in names]
-    for name, picture in zip(names, pictures, strict=True):
+        names += ["formed.png"] * (between := has_tools(result.ply))
+        drawn: dict[str, dict[str, Any]] = {name: {} for name in names}
+        drawn |= {"section.png": {}, "tool_force.png": {}} if between else {}
+        if process and (ends := process.at_ends(result)):
+            drawn["section.png"] = {"states": ends}
+            drawn["tool_force.png"] = drawn["phases.png"] = {"process": process}
+        drawn["animation.gif"] = {}
+        pictures = {name: getattr(plot, Path(name).stem) for name in drawn}
+        described = case.described(result)
+    for name, options in drawn.items():
         with held():
-            picture(result, filename=folder / name)
-    if scene.process and any(state.load_factor for state in result.states):
-        with held():
-            plot.phases(result, scene.process, filename=folder / "phases.png")
+            of = described if name in names else result
+            pictures[name](of, filename=folder / name, **options)
     if isinstance(run, StepError):
         with held():
             plot.verdict(run, filename=folder / "refused.png")
     if LOW in curve and np.any(curve[FORCE]):
         _draw_samples(curve, folder)
     measured = completed(test, scene.shear_test) if test else None
-    of_tool = "tool_force.png" in names and scene.driven not in scene.conditions
+    of_tool = between and scene.driven not in scene.conditions
     if measured is None and of_tool:
         return
     draw_curves(curve, measured, folder, loops=scene.programme is not None)

@@ -100,6 +100,7 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
         begin = _begin(case, options)
         code, message, refusal = _load(stepper, begin)
     result = stepper.result
+    described = case.described(result)
     provenance = {
         "inputs": {"version": __version__, **tables_of(file)},
         "versions": versions(),
@@ -114,7 +115,7 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
         with held():
             with out as folder:
                 if export:
-                    sheet = Sheet.of_ply(result.ply, result.u, case.scene.axes)
+                    sheet = Sheet.of_ply(result.ply, described.u, case.scene.axes)
                     early = result.not_on_tool or "the run stopped early"
                     reason = "" if result.converged else early
                     exported = export.write(sheet, reason, folder)
@@ -128,7 +129,7 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
                 written.write(folder)
                 io.write_fields(result, folder / "fields", case.scene.axes)
                 if not result.not_on_tool:
-                    io.write_draped(result, folder, case.scene.axes)
+                    io.write_draped(described, folder, case.scene.axes)
             complete = True
         if code != INTERRUPTED:
             # Include the error interval.
@@ -340,7 +341,7 @@ def _draw(
             ResultFolder(options.out, _PICTURES) as folder,
             shown("drawing pictures", printed=True),
         ):
-            results.draw(case.scene, run, curve, test, folder)
+            results.draw(case, run, curve, test, folder)
     except Exception as error:
         _note(f"the pictures were not drawn: {printable(error)}", options)
     except KeyboardInterrupt:

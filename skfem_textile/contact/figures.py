@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
-from ..solve.quantities import Quantity
+from ..solve.quantities import LOST, Quantity
 from ..solve.result import Result, components_mm
 from ..solve.states import State
 from .gaps import (
@@ -41,7 +41,8 @@ def formed(result: Result) -> dict[str, Any]:
     or quarter of the ply is computed; and, except for holders with a prescribed
     pressure, ``NAME_penetration_mm``, the largest depth of the ply in the tool between
     nodes (`smallest_gap`).  Places are in the axes ``stated`` by the tools.  Of the ply
-    the draw-in, the areal weight relative to the flat ply (`areal_weight`), and risks.
+    the draw-in, the areal weight relative to the flat ply (`areal_weight`), risks, and
+    ``energy_lost_on_whole_ply`` in N·mm, if a half or quarter is computed.
     ``first`` declares the figures that are printed first.
 
     Parameters
@@ -65,9 +66,8 @@ def formed(result: Result) -> dict[str, Any]:
     at_risk = wrinkle_risk(ply, state.u, state.parameters)
     most = most_compressed(ply, state.u, state.parameters)
     stated = tools[0].stated
-    history = tool_history(result)
     return {
-        **_of_tools(result, history),
+        **_of_tools(result, tool_history(result)),
         **{
             f"{name}_penetration_mm": max(-least.gap, 0.0) if least else 0.0
             for name, least in gaps.items()
@@ -79,7 +79,7 @@ def formed(result: Result) -> dict[str, Any]:
         "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
         **({} if most is None else result.place_of(most, "wrinkle_risk_at", stated)),
         "max_turn_of_normal_deg": float(turn.max()),
-        **(_untouched(ply, history) if result.converged else {}),
+        **(_untouched(result) if result.converged else {}),
         **_advice(result, tools, turn, at_risk),
         "first": [quantity.declared() for quantity in _first(result, deepest)],
     }
@@ -91,6 +91,9 @@ _ACROSS = 1e-6
 #: Computed part of a ply by the number of its mirror images.
 PARTS = {2: "half", 4: "quarter"}
 
+# Key of the energy lost on the whole ply, if a half or quarter is computed.
+_LOST_ON_WHOLE_PLY = f"{LOST.key}_on_whole_ply"
+
 # Texts among the figures.
 _NOTES = "not_formed", "untouched_tools", "coarse_elements", "wrinkles"
 
@@ -101,10 +104,12 @@ def _first(result: Result, deepest: Mapping[str, float | str]) -> list[Quantity]
     name = max(pressing(ply), key=lambda tool: travel(tool, t)).name
     parts, of = mirror_images(ply), name.replace("_", " ").capitalize()
     inside = deepest.get("max_penetration_tool")
-    key, note = f"{name}_force_N", ""
+    key, note, lost = f"{name}_force_N", "", []
     if parts in PARTS:
         key = f"{name}_force_on_whole_ply_N"
         note = f" on the whole ply, {parts} times that on the computed {PARTS[parts]}"
+        if result.states[-1].energy_lost:
+            lost = [LOST._replace(key=_LOST_ON_WHOLE_PLY, note=note)]
     return [
         Quantity(f"{of} force", key, "N", has_interval=True, note=note),
         Quantity(f"{of} travel", f"{name}_travel_mm", "mm"),
@@ -116,6 +121,7 @@ def _first(result: Result, deepest: Mapping[str, float | str]) -> list[Quantity]
             *("Largest penetration", "max_penetration_mm", "mm", "max_penetration_at"),
             note=f" into the tool {inside!r}" if inside else "",
         ),
+        *lost,
         *(Quantity("Note", key) for key in _NOTES),
     ]
 
@@ -138,7 +144,8 @@ def mirror_images(ply: Ply) -> int:
 def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float]:
     """Last row of a history, half-widths of the forces, and forces on the whole ply.
 
-    The latter in N, if only a half or quarter of the ply is computed.
+    The latter in N, and the energy lost, if only a half or quarter of the ply is
+    computed.
     """
     figures = {name: column[-1].item() for name, column in history.items()}
     along, known = np.abs(_along(result)), result.error.reactions
@@ -151,6 +158,8 @@ def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float
         for end in ("", "_half_width"):
             if (key := f"{name}_force_N{end}") in figures:
                 figures[f"{name}_force_on_whole_ply_N{end}"] = parts * figures[key]
+    if parts in PARTS and (lost := result.states[-1].energy_lost):
+        figures[_LOST_ON_WHOLE_PLY] = parts * sum(lost.values())
     return figures
 
 
@@ -201,7 +210,8 @@ def phase_table(result: Result, process: Any) -> list[dict[str, Any]]:
 
     ``phase``, its name; ``share``, the share of it that is completed, 1 except in the
     last state of a run that stopped early; ``load_factor``; of each tool
-    ``NAME_travel_mm``, ``NAME_force_N`` and so on, see `tool_history`;
+    ``NAME_travel_mm``, ``NAME_force_N`` and so on, see `tool_history`; of each clamp
+    ``NAME_force_N``;
     ``max_shear_angle_deg``; ``max_draw_in_mm``; ``wrinkle_risk_share_of_area``; and
     ``energy_lost`` in N·mm, by friction and by laws, if any is lost.
 
@@ -224,6 +234,7 @@ def phase_table(result: Result, process: Any) -> list[dict[str, Any]]:
             "share": round(share, _DIGITS),
             "load_factor": t,
             **{key: column[i].item() for key, column in columns.items()},
+            **result.clamp_forces(state),
             "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
             "max_draw_in_mm": float(draw_in(ply, u).inwards.max()),
             "wrinkle_risk_share_of_area": share_of_area(ply, risk),
@@ -340,10 +351,14 @@ def _curvature(
     return {"max_fibre_curvature_off_tools_per_mm": float(curvature[free].max())}
 
 
-def _untouched(ply: Ply, history: Mapping[str, ndarray]) -> dict[str, str]:
-    """Tools that touch the ply in no state."""
-    names = [x.name for x in pressing(ply)]
-    away = [x for x in names if not history[f"{x}_nodes_in_contact"].any()]
+def _untouched(result: Result) -> dict[str, str]:
+    """Tools without friction, of which a warning says it, that touch in no state."""
+    away = [
+        tool.name
+        for tool in pressing(result.ply)
+        if not tool.friction
+        and not any(nodes_in_contact(tool, state) for state in result.every_state)
+    ]
     if not away:
         return {}
     never = f"no state touches {', '.join(map(repr, away))}"

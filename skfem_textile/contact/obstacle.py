@@ -469,7 +469,10 @@ class ToolTerm(ElementTerm):
         complete = states[-1].load_factor == 1
         if self.friction and complete and not any(map(self._presses, states)):
             what = self._obstacle.what
-            return [f"friction of {what} has no effect: it touches nothing"]
+            return [
+                f"friction of {what} has no effect: it touches nothing: check its "
+                "position, motion and unit of length"
+            ]
         return []
 
     def _presses(self, state: Any) -> bool:

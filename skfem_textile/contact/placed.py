@@ -11,8 +11,8 @@ from ..ply import Ply
 from ..solve.states import State
 from ..surfaces.surface import OffSurfaceError, Surface, onto
 from ..surfaces.tool_mesh import triangles_within
-from .holder import contacts
-from .obstacle import ToolContact
+from .holder import pressing
+from .obstacle import ToolTerm
 from .outline import inside, nearest
 
 # Margin around a ply relative to the diagonal of its box, and number of cubes along the
@@ -52,19 +52,19 @@ def box_of(ply: Ply, states: Iterable[State]) -> tuple[ndarray, ndarray]:
 
 def placed_tools(
     ply: Ply,
-    factors: Sequence[float],
+    states: Sequence[State],
     low: ndarray,
     high: ndarray,
     cells: int = _CUBES,
 ) -> list[list[PlacedTool]]:
-    """Tools of a ply, and holders with a gap, at their positions at load factors.
+    """Tools of a ply, and holders with a gap or force, at their positions in states.
 
     Parameters
     ----------
     ply
         The ply.
-    factors
-        Load factors.
+    states
+        Its states.
     low, high
         Corners of the box within which tools are shown, see `box_of`.
     cells
@@ -74,25 +74,30 @@ def placed_tools(
     Returns
     -------
     list
-        For each load factor, the tools that stand in the box.
+        For each state, the tools that stand in the box.
     """
-    tools = [list(_placed(x, factors, low, high, cells)) for x in contacts(ply)]
+    tools = [list(_placed(x, states, low, high, cells)) for x in standing(ply)]
     return [
         [tool[i] for tool in tools if tool[i].triangles.size]
-        for i in range(len(factors))
+        for i in range(len(states))
     ]
 
 
+def standing(ply: Ply) -> list[ToolTerm]:
+    """Tools of a ply, and holders with a gap or force: all whose position is known."""
+    return [x for x in pressing(ply) if getattr(x, "rigid", True)]
+
+
 def _placed(
-    contact: ToolContact,
-    factors: Sequence[float],
+    contact: ToolTerm,
+    states: Sequence[State],
     low: ndarray,
     high: ndarray,
     cells: int,
 ) -> Iterator[PlacedTool]:
-    """A tool at each load factor; its surface is triangulated once."""
+    """A tool in each state; its surface is triangulated once."""
     obstacle = contact._obstacle
-    places = [obstacle.placement(t) for t in factors]
+    places = [obstacle.placement(state.load_factor) for state in states]
     corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1)
     local = np.hstack([turn.T @ (corners - moved[:, None]) for turn, moved in places])
     x, triangles, normals = triangles_within(
@@ -106,8 +111,13 @@ def _placed(
         gradient = obstacle.surface.gradient(x)
         outwards = sign * gradient / np.linalg.norm(gradient, axis=0)
         sign = -sign
-    for t, (turn, moved) in zip(factors, places, strict=True):
-        stands = x if obstacle.reach is None else x + obstacle.reach(t) * outwards
+    for state, (turn, moved) in zip(states, places, strict=True):
+        stands = x
+        if obstacle.reach is not None:
+            own = state.parameters[contact.name]  # of a holder with a force
+            stands = (
+                x + own.get("distance", obstacle.reach(state.load_factor)) * outwards
+            )
         stands = turn @ stands + moved[:, None]
         centres = stands[:, triangles].mean(axis=1).T
         shown = (np.clip(centres, low, high) == centres).all(axis=1)

@@ -328,13 +328,14 @@ def write_tools(result: Result, folder: Path, axes: Axes) -> None:
 
     The field ``tool`` is the number of the tool in the order of the terms of the ply.
     """
-    from ..contact import box_of, contacts, placed_tools
+    from ..contact import box_of, placed_tools
+    from ..contact.placed import standing
 
     ply, states = result.ply, result.states
-    names = [tool.name for tool in contacts(ply)]
+    names = [tool.name for tool in standing(ply)]
     factors = [state.load_factor for state in states]
     files = {}
-    for i, tools in enumerate(placed_tools(ply, factors, *box_of(ply, states))):
+    for i, tools in enumerate(placed_tools(ply, states, *box_of(ply, states))):
         if not tools:
             continue
         points, triangles = joined(tools)

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from itertools import cycle
+from itertools import cycle, product
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..fabric.law import BiaxialLaw, Law, domain_of
 from .drawing import legend_below, new_figure
-from .layout import POINT, TITLE, default_width, text_width
+from .layout import POINT, TITLE, default_width, text_width, wrapped
 
 if TYPE_CHECKING:
     from ..outlines import Outline, SingularFibres
@@ -26,6 +26,9 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 
 # Minimum height of a figure in inches. Chosen by eye: room for the legend.
 _LEAST_HEIGHT = 2.5
+
+# Largest number of panels side by side.  Chosen by eye.
+_IN_A_ROW = 3
 
 # Largest number of columns of a legend; widths of the line and gap before each label,
 # and of the gap after it, in font sizes (matplotlib's defaults).
@@ -42,7 +45,7 @@ def curves(
     filename: str | os.PathLike[str] | None = None,
     same_scales: bool = False,
 ) -> Figure:
-    """Plot curves in panels side by side; a label has the same colour in all panels.
+    """Plot curves in panels, up to three in a row; a label has one colour in all.
 
     Parameters
     ----------
@@ -70,12 +73,13 @@ def curves(
     with new_figure(filename) as figure:
         labels = dict.fromkeys(label for lines in panels.values() for label in lines)
         colour = dict(zip(labels, cycle(COLOURS), strict=False))
-        width = default_width(len(panels)) / 25.4
-        height = max(_LEAST_HEIGHT, 0.8 * width / len(panels))
-        figure.set_size_inches(width, height)
+        columns = min(_IN_A_ROW, len(panels))
+        rows, width = -(-len(panels) // columns), default_width(columns) / 25.4
+        height = max(_LEAST_HEIGHT, 0.8 * width / columns)
+        figure.set_size_inches(width, rows * height)
         for i, (title, lines) in enumerate(panels.items(), start=1):
             first = figure.axes[0] if same_scales and figure.axes else None
-            axes = figure.add_subplot(1, len(panels), i, sharex=first, sharey=first)
+            axes = figure.add_subplot(rows, columns, i, sharex=first, sharey=first)
             for label, (x, y, *band) in lines.items():
                 axes.plot(x, y, "o-", label=label, color=colour[label], markersize=2)
                 if band:
@@ -119,6 +123,13 @@ _MOST_TICKS = 6
 # differences are within the error of most meshes, and do not fill a panel.
 _LEAST_RANGE = 0.05
 
+# Largest number of lines in a panel, if rows of panels can show another quantity.
+# Chosen by eye.
+_MOST_LINES = 6
+
+# Share of the width of a panel that its axis has at least.
+_SHARE = 0.8
+
 # Labels of the marks of runs that did not apply the whole load.
 _EARLY, _NONE = "stopped early: at its last state", "refused: no state"
 
@@ -132,7 +143,8 @@ def compared_runs(
     """Plot figures of several runs over their values, a panel for each figure.
 
     The quantity with the most values is the abscissa; each combination of the others is
-    a line, which joins runs that applied the whole load; other runs are marked.
+    a line, which joins runs that applied the whole load; other runs are marked.  If
+    there are more than six lines, rows of panels show the first of the others.
 
     Parameters
     ----------
@@ -162,22 +174,24 @@ def compared_runs(
     """
     along = max(values, key=lambda name: len(set(map(repr, values[name]))))
     x, ticks = _places(values[along])
-    others = [name for name in values if name != along]
-    lines: dict[str, list[int]] = {}
-    for run in range(len(x)):
-        label = ", ".join(_with_unit(name, values[name][run]) for name in others)
-        lines.setdefault(label, []).append(run)
+    of_rows, of_lines = _rows_and_lines(values, along)
+    rows, lines = _grouped(values, of_rows), _grouped(values, of_lines)
     done = np.asarray(complete, dtype=bool)
     known = [np.atleast_2d(np.asarray(y, dtype=float)) for y in figures.values()]
     found = np.array([np.vstack([y, np.full_like(y, np.nan)])[:2] for y in known])
     states = np.isfinite(found[:, 0]).any(axis=0)
     shown = dict(zip(lines, cycle((c, d) for d in _DASHES for c in COLOURS)))
     with new_figure(filename) as figure:
-        width = default_width(len(figures)) / 25.4
-        figure.set_size_inches(width, max(_LEAST_HEIGHT, width / len(figures)))
-        for i, (name, y) in enumerate(zip(figures, found, strict=True), start=1):
-            axes = figure.add_subplot(1, len(figures), i, xlabel=along, title=name)
-            for label, runs in lines.items():
+        n = len(figures)
+        width = default_width(n) / 25.4
+        figure.set_size_inches(width, len(rows) * max(_LEAST_HEIGHT, width / n))
+        panels = product(rows.items(), zip(figures, found, strict=True))
+        for i, ((row, in_row), (name, y)) in enumerate(panels, start=1):
+            axes = figure.add_subplot(len(rows), n, i)
+            axes.set_xlabel("\n".join(wrapped(along, _SHARE * width * 25.4 / n, TITLE)))
+            axes.set_title("\n".join(filter(None, (row, name))))
+            for label, of_line in lines.items():
+                runs = [run for run in of_line if run in in_row]
                 _draw_line(axes, x[runs], y[:, runs], done[runs], shown[label])
             axes.grid(alpha=0.3)
             low, high = axes.get_ylim()
@@ -201,6 +215,27 @@ def compared_runs(
             names = [str(one.get_label()) for one in handles]
             legend_below(figure, handles, columns_of(names, width * 25.4))
     return figure
+
+
+def _rows_and_lines(
+    values: Mapping[str, Sequence[Any]], along: str
+) -> tuple[list[str], list[str]]:
+    """Quantities that distinguish rows of panels, and the lines within a panel."""
+    of_lines, of_rows = [name for name in values if name != along], []
+    while len(of_lines) > 1 and len(_grouped(values, of_lines)) > _MOST_LINES:
+        of_rows.append(of_lines.pop(0))
+    return of_rows, of_lines
+
+
+def _grouped(
+    values: Mapping[str, Sequence[Any]], names: Sequence[str]
+) -> dict[str, list[int]]:
+    """Numbers of the runs with equal values of some quantities, by these values."""
+    groups: dict[str, list[int]] = {}
+    for run in range(len(next(iter(values.values())))):
+        label = ", ".join(_with_unit(name, values[name][run]) for name in names)
+        groups.setdefault(label, []).append(run)
+    return groups
 
 
 def _draw_line(
@@ -246,9 +281,10 @@ def _short(value: Any) -> str:
 
 
 def _with_unit(name: str, value: Any) -> str:
-    """Quantity and value, such as "Friction 0.2" or "Fibres 45 °"."""
+    """Quantity and value, such as "Friction 0.2" or "Fibres 45°"."""
     words, _, unit = name.partition(" (")
-    return f"{words} {_short(value)} {unit.removesuffix(')')}".strip()
+    text = f"{words} {_short(value)} {unit.removesuffix(')')}".strip()
+    return text.replace(" °", "°")
 
 
 # Largest argument for laws without a default range or a finite domain: fibre strain,

@@ -235,8 +235,7 @@ def _tools_between(
         from ..contact import box_of, placed_tools
 
         box = box_of(ply, [states[i] for i in of_ply])
-        factors = [states[i].load_factor for i in of_ply]
-        placed = placed_tools(ply, factors, *box)
+        placed = placed_tools(ply, [states[i] for i in of_ply], *box)
         for i, at in zip(of_ply, placed, strict=True):
             behind = [tool for tool in at if _faces_viewer(tool)]
             in_front = [tool for tool in at if not _faces_viewer(tool)]

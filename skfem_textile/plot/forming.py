@@ -25,6 +25,7 @@ from ..contact import (
     travels,
 )
 from ..contact.figures import PARTS, mirror_images
+from ..contact.placed import standing
 from ..contact.risks import wrinkle_risk
 from ..ply import Ply
 from ..solve.result import Result
@@ -188,7 +189,7 @@ def section(
         height = rows * (
             width / columns * (high[1] - low[1]) / (high[0] - low[0]) + 0.45
         )
-        names = [tool.name for tool in contacts(result.ply)]
+        names = [tool.name for tool in standing(result.ply)]
         colours = dict(zip(names, cycle(COLOURS), strict=False))
         figure.set_size_inches(width, height + 0.3)
         tools = _tools(result.ply, chosen, angle, low, high)
@@ -259,8 +260,7 @@ def _tools(
         np.array([*along.min(axis=0) - margin, low[1]]),
         np.array([*along.max(axis=0) + margin, high[1]]),
     )
-    factors = [state.load_factor for state in states]
-    return placed_tools(ply, factors, *box, _CUBES)
+    return placed_tools(ply, states, *box, _CUBES)
 
 
 def _fill(
@@ -286,13 +286,15 @@ def _fill(
 
 
 def tool_force(
-    result: Result, filename: str | os.PathLike[str] | None = None
+    result: Result,
+    filename: str | os.PathLike[str] | None = None,
+    process: "Process | None" = None,
 ) -> Figure:
-    """Plot the force of each tool on the ply over the travel.
+    """Plot the force of each tool, and of clamps, on the ply over the travel.
 
     The component along the motion of the tool that travels farthest, against its
-    travel.  If a half or quarter of the ply is computed, the label says that the forces
-    are those on it.
+    travel; of clamps the magnitude.  If a half or quarter of the ply is computed, the
+    label says that the forces are those on it.
 
     Parameters
     ----------
@@ -300,6 +302,8 @@ def tool_force(
         Result of a run.
     filename
         Output file: PNG, or vector graphics (.svg, .pdf or .eps).
+    process
+        Process of the run: each phase that has begun has a panel.
 
     Raises
     ------
@@ -309,11 +313,22 @@ def tool_force(
     _refuse_without_tools(result)
     far = travels(result)
     longest = max(far, key=lambda name: far[name].max())
-    lines = {name: (far[longest], force) for name, force in tool_forces(result).items()}
+    clamps = [result.clamp_forces(state) for state in result.states]
+    forces = tool_forces(result) | {
+        key.removesuffix("_force_N"): np.array([row[key] for row in clamps])
+        for key in clamps[0]
+    }
+    panels, first = {}, 0
+    ends = process.at_ends(result) if process else [len(result.states) - 1]
+    for end in ends:
+        name = process.phase_at(result.states[end].load_factor) if process else ""
+        of = slice(first, end + 1)
+        panels[name] = {k: (far[longest][of], force[of]) for k, force in forces.items()}
+        first = end
     part = PARTS.get(mirror_images(result.ply))
-    what = f"the computed {part} of the ply" if part else "the ply"
-    labels = f"Travel of {longest} (mm)", f"Force on {what} (N)"
-    return curves({"": lines}, *labels, filename)
+    what = f"Force on a {part} of the ply (N)" if part else "Force on the ply (N)"
+    labels = f"Travel of {longest} (mm)", what
+    return curves(panels, *labels, filename, same_scales=True)
 
 
 def _refuse_without_tools(result: Result) -> None:

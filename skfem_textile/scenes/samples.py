@@ -182,7 +182,7 @@ def _figures(case: Case, sample: tuple[int, Fabric]) -> dict[str, Any]:
 
 
 def run_unlogged(
-    case: Case, shown: Callable[[Result], Result]
+    case: Case, shown: Callable[[Result], Result] = lambda result: result
 ) -> tuple[Result | None, dict[str, Any], str]:
     """Run a case without its log: its result, summary, and the error that stopped it.
 

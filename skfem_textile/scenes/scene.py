@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 ExactField = Callable[[ndarray, float], ndarray]
 
+# Relative difference of travels that is round-off.
+_ROUND_OFF = 1e-9
+
 # Relative load reduction by fibre stretch above which the summary reports it.
 _WORTH_SAYING = 0.01
 
@@ -597,6 +600,8 @@ class Case:
     defaults, changes
         Notes on default laws, and on changes of the mesh, which are printed; empty if
         there are none.
+    describe
+        Name of the phase at whose end the ply is `described`, or None.
 
     Examples
     --------
@@ -619,6 +624,7 @@ class Case:
     pictures: bool = True
     defaults: str = ""
     changes: str = ""
+    describe: str | None = None
 
     def ply(self) -> Ply:
         """The ply at rest.
@@ -666,9 +672,49 @@ class Case:
         """Apply the whole load; see `stepper` and `LoadStepper.run` for errors."""
         return self.stepper().run()
 
+    def described(self, result: Result) -> Result:
+        """Result up to the state of the summary, the pictures and the exported part.
+
+        At the end of the phase ``describe``; by default the last state in which the
+        driven tool is furthest from its initial position, for example before it
+        returns.  The last state if there is no such tool, and of a run that stopped
+        early.
+        """
+        if not (result.converged and self.scene.tools):
+            return result
+        from ..contact import travels
+
+        states, process = result.states, self.scene.process
+        if self.describe and process:
+            here = [process.phase_at(x.load_factor) == self.describe for x in states]
+        elif self.scene.driven in (far := travels(result)):
+            of_driven = far[self.scene.driven]
+            here = (of_driven >= (1 - _ROUND_OFF) * of_driven.max()).tolist()
+        else:
+            return result
+        return result.until(int(np.flatnonzero(here)[-1]))
+
+    def _description(self, result: Result) -> str:
+        """Which state a result up to it describes; empty for the last one."""
+        if not result.later:
+            return ""
+        t, process, at = result.states[-1].load_factor, self.scene.process, "at"
+        if process:
+            name = process.phase_at(t)
+            is_end = process.phase_at(result.later[0].load_factor) != name
+            at = f"{'the end of ' if is_end else ''}phase {name!r},"
+        why = "" if self.describe else f", where {self.scene.driven} is furthest"
+        return (
+            f"{at} load factor {t:.4g}{why}; later states are in history.csv"
+            f"{', phases.csv' if process else ''} and fields"
+        )
+
     def summary(self, result: Result) -> dict[str, Any]:
-        """Summary as `Scene.summary`; with further loads there is no exact solution."""
-        scene = self.scene
+        """Summary as `Scene.summary` of the state in which a result is `described`.
+
+        With further loads there is no exact solution.
+        """
+        scene, result = self.scene, self.described(result)
         if self.loads:
             misfit = "forces act in addition to the conditions of the scene"
             scene = replace(scene, misfit=misfit)
@@ -676,6 +722,7 @@ class Case:
         notes = {
             Quantity("Mesh", "mesh_changes"): self.changes,
             Quantity("Note", "default_fabric"): self.defaults,
+            Quantity("Described", "described"): self._description(result),
         }
         for quantity, text in notes.items():
             if text:

@@ -1,7 +1,7 @@
 """Result of a run, and the error that ends a run."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -113,6 +113,8 @@ class Result:
         True if nothing changes with the load factor.
     interval
         Function that returns the `ErrorInterval` of a state of the ply.
+    later
+        States after those in ``states``, see `until`.
     """
 
     ply: Ply
@@ -129,6 +131,27 @@ class Result:
     surfaces: Mapping[str, OnSurface]
     unchanging: bool
     interval: "Callable[[State], ErrorInterval]"
+    later: Sequence[State] = field(default=(), kw_only=True)
+
+    def until(self, state: int) -> "Result":
+        """Result whose last state is an earlier one; ``later`` has the states after it.
+
+        Warnings and the number of steps describe the whole run.
+
+        Parameters
+        ----------
+        state
+            Index of the state.
+        """
+        first, later = self.states[: state + 1], self.states[state + 1 :]
+        if not later:
+            return self
+        return replace(self, states=first, later=[*later, *self.later])
+
+    @property
+    def every_state(self) -> list[State]:
+        """The states and ``later`` ones."""
+        return [*self.states, *self.later]
 
     @classmethod
     def of_state(
@@ -241,7 +264,7 @@ class Result:
         opening.
         """
         failed: dict[str, list[State]] = {}
-        for state in self.states:
+        for state in self.every_state:
             for check in state.warnings:
                 failed.setdefault(check, []).append(state)
         lines = [UNCHANGING] if self.unchanging else []
@@ -254,7 +277,7 @@ class Result:
         return [
             *lines,
             *self.error.warnings,
-            *self.ply.contradictions(self.states),
+            *self.ply.contradictions(self.every_state),
         ]
 
     def view(self, **options: Any) -> Any:
@@ -295,10 +318,7 @@ class Result:
                     vector = vector if turn is None else turn @ vector
                     components = zip("xyz", vector.tolist(), strict=False)
                     row |= {f"{name}_{what}_{axis}": x for axis, x in components}
-            if clamps := self._clamps():
-                from .clamp_release import clamp_forces
-
-                row |= clamp_forces(clamps, state)
+            row |= self.clamp_forces(state)
             row |= _columns(state.shares) | _energies(state) | {"work": work}
             rows.append(row)
         return rows
@@ -348,7 +368,8 @@ class Result:
             first.append(IN_SPACE._replace(has_interval=known or not stated).declared())
         else:
             first.append(IN_PLANE.declared())
-        lost = (LOST,) if state.energy_lost else ()
+        stated = any(row["name"] == LOST.name for row in first)  # of the whole ply
+        lost = (LOST,) if state.energy_lost and not stated else ()
         slip = (SLIP,) if ply.fabric.yarns else ()
         return {
             "formulation": ply.formulation.name,
@@ -356,7 +377,7 @@ class Result:
             "n_dofs": int(ply.basis.N),
             "converged": self.converged,
             "load_factor": state.load_factor,
-            "load_steps": len(self.states) - 1,
+            "load_steps": len(self.every_state) - 1,
             "steps_cut": self.steps_cut,
             "path_resolved": self.path_resolved,
             "linear_solves": self.linear_solves,
@@ -461,6 +482,14 @@ class Result:
 
     def _clamps(self) -> list[Any]:
         return [x for x in self.ply.terms if x.release is not None]
+
+    def clamp_forces(self, state: State) -> dict[str, float]:
+        """Magnitude of the force of each clamp in a state in N, ``NAME_force_N``."""
+        if not (clamps := self._clamps()):
+            return {}
+        from .clamp_release import clamp_forces
+
+        return clamp_forces(clamps, state)
 
     def _figures_of_clamps(self) -> dict[str, Any]:
         if not (clamps := self._clamps()):

@@ -4,7 +4,6 @@ import csv
 import logging
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from skfem_textile.cases import (
     read_tables,
     sweep_case,
 )
-from skfem_textile.cases import sweep as module
 from skfem_textile.cases.read import varied, with_value
 from skfem_textile.cases.sweep import (
     REACHED,
@@ -29,7 +27,6 @@ from skfem_textile.cases.sweep import (
 )
 from skfem_textile.cases.write import case_text
 from skfem_textile.scenes import Case
-from skfem_textile.solve.quantities import LOST
 from skfem_textile.solve.result import StepError
 from tests.helpers import refused
 
@@ -202,14 +199,6 @@ def test_a_force_on_a_quarter_is_not_compared_with_one_on_the_whole_ply():
     vary = {"scene.fibres_deg": [0, 15]}
     by_angle = {"scene": {"name": "hemisphere_forming"}, "mesh": FORMING["mesh"]}
     refused(lambda: variants({**by_angle, "vary": vary}), "scene.fibres_deg=0 and")
-
-
-@pytest.mark.parametrize(("parts", "expected"), [(0, 2.0), (1, 2.0), (4, 8.0)])
-def test_the_energy_lost_is_of_the_whole_ply(parts, expected, monkeypatch):
-    monkeypatch.setattr(module, "mirror_images", lambda ply: parts)
-    summary = {"first": [LOST.declared()], "energy_lost": 2.0}
-    figures = module._figures(summary, SimpleNamespace(ply=None))
-    assert figures == {"Energy lost (N·mm)": expected}
 
 
 def test_runs_that_stop_or_are_refused_stay_in_the_table(monkeypatch):

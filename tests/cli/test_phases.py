@@ -1,11 +1,17 @@
 """Runs of processes on the command line: files by phase, and repeated phases."""
 
 import csv
+import json
+import re
 from pathlib import Path
 
+import meshio
+import numpy as np
 import pytest
 
+from skfem_textile.cases import read_result
 from skfem_textile.cli.main import main
+from skfem_textile.solve.quantities import first_rows
 
 PHASES = """
 [scene]
@@ -28,6 +34,11 @@ name = "press"
 steps = 1
 tools.punch.motion_mm = [0, 0, 6]
 tools.holder.gap_mm = 0.2
+
+[[phases]]
+name = "open"
+steps = 1
+tools.punch.motion_mm = [0, 0, 0]
 """
 
 
@@ -47,9 +58,9 @@ def run(tmp_path_factory):
 
 def test_history_and_table_contain_the_phases(run):
     history, table = rows(run / "out" / "history.csv"), rows(run / "out" / "phases.csv")
-    assert [row["phase"] for row in history] == ["lift", "lift", "press"]
-    assert [row["phase"] for row in table] == ["lift", "press"]
-    assert [row["punch_travel_mm"] for row in table] == ["4", "6"]
+    assert [row["phase"] for row in history] == ["lift", "lift", "press", "open"]
+    assert [row["phase"] for row in table] == ["lift", "press", "open"]
+    assert [row["punch_travel_mm"] for row in table] == ["4", "6", "0"]
     assert table[1]["punch_force_N"] == history[2]["punch_force_N"]
 
 
@@ -57,8 +68,57 @@ def test_the_report_contains_the_table(run, capsys):
     assert main(["report", str(run / "out")]) == 0
     page = (run / "out" / "report.html").read_text(encoding="utf-8")
     assert "<h2>Phases</h2>" in page
-    assert "<th>phase</th><th>lift</th><th>press</th>" in page
-    assert ">max_draw_in_mm<" in page
+    assert "<th>Phase</th><th>lift</th><th>press</th><th>open</th>" in page
+    assert ">Punch travel (mm)<" in page
+    assert ">Largest draw-in (mm)<" in page
+    punch = page[page.index(">Punch force (N)<") :].partition("</tr>")[0]
+    assert re.findall(r">\s*([^<>\s]+)\s*<", punch)[-1] == "0"  # not round-off
+
+
+def test_files_describe_the_ply_before_the_punch_returns(run, capsys):
+    """The file of fibres and a read result too; the steps of the whole run count."""
+    summary = json.loads((run / "out" / "summary.json").read_text())
+    pressed = rows(run / "out" / "history.csv")[2]
+    assert summary["punch_travel_mm"] == 6.0
+    assert summary["punch_force_N"] == pytest.approx(float(pressed["punch_force_N"]))
+    assert summary["load_steps"] == 3
+    end = "the end of phase 'press', load factor 0.6667, where punch is furthest"
+    assert summary["described"].startswith(end)
+    assert first_rows(summary)[0][0] == "Described"
+    read = read_result(run / "out")
+    assert read.load_factor == pytest.approx(2 / 3)
+    heights = meshio.read(run / "out" / "fibres.vtu").points[:, 2]
+    assert np.ptp(read.sheet().positions[2]) == pytest.approx(np.ptp(heights))
+    assert np.ptp(heights) > 3.0
+
+
+@pytest.mark.dear("a run that is read from its checkpoint")
+def test_another_phase_is_described(run, tmp_path, capsys):
+    again = ["--resume", str(run / "out" / "checkpoint"), "--out", str(tmp_path)]
+    words = ["run", str(run / "case.toml"), "--no-render", *again, "--set"]
+    assert main([*words, "output.describe=lift"]) == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["punch_travel_mm"] == 4.0
+    assert read_result(tmp_path).load_factor == pytest.approx(1 / 3)
+    assert main([*words, "output.describe=open"]) == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["load_factor"], "described" in summary) == (1.0, False)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (PHASES, "output.describe: there is no phase 'hold': choose from lift, press"),
+        (PHASES.partition("[[")[0], "output.describe requires a case with [[phases]]"),
+    ],
+)
+def test_a_phase_that_is_not_in_the_case_is_not_described(
+    tmp_path, capsys, text, message
+):
+    (tmp_path / "case.toml").write_text(text)
+    words = ["--set", "output.describe=hold", "--out", str(tmp_path / "out")]
+    assert main(["run", str(tmp_path / "case.toml"), *words]) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_a_run_without_phases_has_no_table(tmp_path, capsys):

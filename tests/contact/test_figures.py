@@ -329,6 +329,17 @@ def test_a_tool_that_touches_the_ply_in_no_state_is_named():
     assert figures["untouched_tools"].startswith("no state touches 'far':")
 
 
+def test_a_tool_that_touches_later_is_not_named():
+    ply = square(terms=[Tool(drape.Plane(), side=1, name="table")], n=1)
+    pressed = Values({"force": np.ones(4), "stiffness": np.ones(4)})
+    result = result_of(ply, ply.basis.zeros(), table=pressed)
+    none = Values({"force": np.zeros(4), "stiffness": np.zeros(4)})
+    (away,) = result_of(ply, ply.basis.zeros(), table=none).states
+    of_two = replace(result, states=[away, result.states[0]])
+    assert "untouched_tools" not in formed(of_two.until(0))
+    assert "untouched_tools" in formed(replace(result, states=[away]))
+
+
 def test_a_fillet_under_large_elements_is_a_warning():
     ply, _, state = on_cylinder(n=1)
     figures = formed(Result.of_state(ply, {}, state))

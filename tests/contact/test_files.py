@@ -83,7 +83,7 @@ def test_tools_are_written_in_the_axes_of_the_case(hemisphere, tmp_path):
 def test_normals_of_tools_point_to_the_ply(hemisphere):
     ply, states = hemisphere.ply, hemisphere.states
     box = box_of(ply, states)
-    (tools,) = placed_tools(ply, [1.0], *box)
+    (tools,) = placed_tools(ply, states[-1:], *box)
     of = {tool.name: tool.normals for tool in tools}
     assert (of["die"][2] < 0).all()
     assert (of["holder"][2] > 0).all()
@@ -104,4 +104,4 @@ def test_nearest_points_on_an_outline():
 
 def test_a_box_that_the_tool_does_not_reach_is_empty(hemisphere):
     far = np.full(3, 500.0), np.full(3, 510.0)
-    assert placed_tools(hemisphere.ply, [0.0, 1.0], *far) == [[], []]
+    assert placed_tools(hemisphere.ply, hemisphere.states[:2], *far) == [[], []]

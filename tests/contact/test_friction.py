@@ -25,7 +25,13 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.contact import Compaction, MeasuredCompaction, tool_history
+from skfem_textile.contact import (
+    Compaction,
+    MeasuredCompaction,
+    box_of,
+    placed_tools,
+    tool_history,
+)
 from skfem_textile.contact.compaction import RigidHolder
 from skfem_textile.ply.parameters import Values
 
@@ -527,11 +533,30 @@ def pressed_strip(**holder):
 
 def test_friction_of_a_tool_that_touches_nothing_is_a_warning(caplog):
     result = pressed_strip(pressure=0.01, friction=0.3)
-    expected = "friction of tool 'lid' has no effect: it touches nothing"
+    expected = (
+        "friction of tool 'lid' has no effect: it touches nothing: check its position, "
+        "motion and unit of length"
+    )
     assert [x for x in result.warnings if "friction" in x] == [expected]
+    assert "untouched_tools" not in result.summary()  # it is said once
     assert caplog.text.count(expected) == 1
     early = [replace(result.states[-1], load_factor=0.5)]
     assert result.ply.contradictions(early) == []
+
+
+def test_a_holder_with_a_force_stands_at_its_distance():
+    """One with a prescribed pressure has no position."""
+    law = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03))
+    heights = []
+    for holder in ({"force": 14.0, "compaction": law}, {"pressure": 0.01}):
+        result = pressed_strip(**holder)
+        states, box = result.states[-1:], box_of(result.ply, result.states)
+        (tools,) = placed_tools(result.ply, states, *box)
+        heights.append({x.name: x.points[2] for x in tools if x.name == "holder"})
+        distance = tool_history(result).get("holder_distance_mm", [None])[-1]
+        assert heights[-1].keys() == ({"holder"} if distance else set())
+        for z in heights[-1].values():
+            assert z == pytest.approx(distance)
 
 
 @pytest.mark.parametrize(("force", "beyond"), [(14.0, False), (16.0, True)])

@@ -1,12 +1,14 @@
 """Processes in phases: motions and amounts of tools, output by phase, bad input."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from skfem_textile import Holder, LoadStepper, Tool, contact, drape
 from skfem_textile.contact import OverTravel, Phase, Process, phase_table
+from skfem_textile.solve.quantities import first_rows
 from tests.helpers.forming import GAP, RADIUS, SYMMETRY, blank
 
 # The holder lifts the ply by less than the distance of its nodes to the die.
@@ -174,10 +176,29 @@ def test_a_phase_at_whose_end_a_clamp_lets_go_has_one_row(formed):
     assert process.at_ends(twice) == [i + 1 for i in process.at_ends(result)]
 
 
+def test_the_energy_lost_is_of_the_whole_ply_and_stated_once(formed):
+    _, result = formed
+    summary, lost = result.summary(), sum(result.states[-1].energy_lost.values())
+    assert contact.figures.mirror_images(result.ply) == 4
+    assert summary["energy_lost"] == pytest.approx(lost)
+    of_lost = [row for row in first_rows(summary) if row[0] == "Energy lost"]
+    on_whole = "N·mm on the whole ply, 4 times that on the computed quarter"
+    assert of_lost == [("Energy lost", "", f"{4 * lost:.4g} {on_whole}")]
+
+
+def test_the_table_has_the_forces_of_clamps(formed, monkeypatch):
+    process, result = formed
+    monkeypatch.setattr(
+        type(result), "clamp_forces", lambda _, at: {"grip_force_N": at.load_factor}
+    )
+    rows = phase_table(result, process)
+    assert [row["grip_force_N"] for row in rows] == [row["load_factor"] for row in rows]
+
+
 def test_a_run_that_stopped_ends_with_its_last_state(formed):
     process, result = formed
     part = result.states[:3]  # within the second phase
-    row = phase_table(type(result)(**{**vars(result), "states": part}), process)[-1]
+    row = phase_table(replace(result, states=part), process)[-1]
     assert (row["phase"], row["share"]) == ("punch", 0.5)
     assert row["punch_travel_mm"] == pytest.approx(3)
 

@@ -8,6 +8,7 @@ import meshio
 import numpy as np
 
 from skfem_textile import contact
+from skfem_textile.contact import placed
 from skfem_textile.drape import Axes, FlatPattern
 from skfem_textile.io import write_pattern
 from skfem_textile.io.results import write_tools
@@ -58,7 +59,7 @@ def test_tools_of_a_state_are_in_one_file_with_their_numbers(tmp_path, monkeypat
     ]
     names = [SimpleNamespace(name=name) for name in ("die", "punch")]
     states = [SimpleNamespace(load_factor=x) for x in (0.0, 1.0)]
-    monkeypatch.setattr(contact, "contacts", lambda ply: names)
+    monkeypatch.setattr(placed, "standing", lambda ply: names)
     monkeypatch.setattr(contact, "box_of", lambda *_: ())
     monkeypatch.setattr(contact, "placed_tools", lambda *_: [[], tools])
     result = SimpleNamespace(ply=None, states=states)

@@ -1,5 +1,7 @@
 """Pictures of figures of several runs."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,32 @@ def test_runs_that_stopped_or_have_no_state_are_marked():
     assert at == 40
     labels = [x.get_text() for x in figure.legends[0].get_texts()]
     assert labels[2:] == ["stopped early: at its last state", "refused: no state"]
+
+
+def test_more_than_six_lines_are_in_rows_of_panels():
+    """Labels have no space before a degree sign, and fit their panels."""
+    key = "Phases punch tools holder force of the whole process (N)"
+    names = {
+        key: (20, 60),
+        "Friction": (1, 2),
+        "Fibres (°)": (0, 45),
+        "Size (mm)": (1, 2),
+    }
+    runs = [*itertools.product(*names.values())]
+    values = dict(zip(names, map(list, zip(*runs, strict=True)), strict=True))
+    figure = compared_runs(values, {"Force (N)": np.arange(16.0)}, [1] * 16)
+    assert [x.get_title() for x in figure.axes] == [
+        f"Friction {x}\nForce (N)" for x in (1, 2)
+    ]
+    labels = [x.get_text() for x in figure.legends[0].get_texts()]
+    assert labels[-1] == "Fibres 45°, Size 2 mm"
+    assert lines_of(figure.axes[1], "o")[0] == [[20, 4], [60, 12]]
+    figure.draw_without_rendering()
+    width = figure.bbox.width
+    for axes in figure.axes:
+        assert axes.get_xlabel().replace("\n", " ") == key
+        label = axes.xaxis.label.get_window_extent()
+        assert 0 <= label.x0 < label.x1 <= width
 
 
 def test_half_widths_are_error_bars():

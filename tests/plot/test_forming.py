@@ -86,6 +86,16 @@ def test_phases_are_drawn_at_their_ends(tmp_path, monkeypatch):
     nothing = replace(result, states=result.states[:1])
     with pytest.raises(ValueError, match="no load step was completed"):
         plot.phases(nothing, process)
+    of_clamps = lambda _, at: {"grip_force_N": at.load_factor}  # noqa: E731
+    monkeypatch.setattr(type(result), "clamp_forces", of_clamps)
+    panels = plot.tool_force(result, process=process).axes
+    assert [axes.get_title() for axes in panels] == [*HEIGHTS]
+    assert [x.get_label() for x in panels[2].lines] == ["punch", "grip"]
+    assert panels[2].lines[0].get_xdata() == pytest.approx([3.0, 2.0])
+    assert panels[2].lines[1].get_ydata() == pytest.approx([2 / 3, 1.0])
+    sections = plot.section(result, states=process.at_ends(result)).axes
+    titles = [axes.get_title().partition(", ")[2] for axes in sections]
+    assert titles == [f"punch {z:.1f} mm" for z in HEIGHTS.values()]
 
 
 #: Travel of the punch in mm at the end of each phase.
@@ -149,7 +159,7 @@ def of_table(motion):
 def of_tools(result):
     """True for each tool that is drawn in the last state, by name."""
     box = box_of(result.ply, [result.states[-1]])
-    (placed,) = placed_tools(result.ply, [1.0], *box)
+    (placed,) = placed_tools(result.ply, result.states[-1:], *box)
     return {tool.name: fields._faces_viewer(tool) for tool in placed}
 
 
@@ -245,6 +255,9 @@ def test_forces_are_drawn_over_the_travel(hemisphere, tmp_path):
         assert line.get_xdata() == pytest.approx(travels(hemisphere)["punch"])
         assert line.get_ydata() == pytest.approx(forces[line.get_label()])
     assert axes.get_xlabel() == "Travel of punch (mm)"
+    figure.draw_without_rendering()
+    label = axes.yaxis.label.get_window_extent()
+    assert 0 <= label.y0 < label.y1 <= figure.bbox.height
 
 
 def test_a_run_that_stopped_is_drawn_at_its_travel(stopped, tmp_path):
