@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from ..declarations.scenes import (
     GRADED,
     Formed,
+    Forming,
     OnTool,
     PlaneScene,
     Specimen,
@@ -33,7 +34,7 @@ from ..ply.terms import Factor, Load, proportional
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
 from .fabrics import errors_in, fabric_of_file
-from .phases import described_phase, in_phases
+from .phases import described_phase, furthest, in_phases
 from .read import (
     CaseFile,
     CaseFileError,
@@ -163,7 +164,8 @@ def _defaults(file: CaseFile, case: Case, default: Collection[str]) -> str:
     notes = []
     if stiffness:
         scene = f"the default of the scene {case.scene.name}"
-        notes = [f"{scene} is used for {' and '.join(stiffness)}, linear, no locking"]
+        law = "linear, no locking" if "shear" in default else "linear"
+        notes = [f"{scene} is used for {' and '.join(stiffness)}, {law}"]
     in_space = case.scene.dimension == 3
     if (in_space or notes) and np.min(case.fabric.wrinkling_angle) >= 0.5 * np.pi:
         notes.append("no wrinkling angle is given")
@@ -375,7 +377,11 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
 
 def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
     """Scene with the tools of the case."""
-    of, tables = file.scene, file.tools
+    of: Any = file.scene
+    tables = file.tools
+    names = [tool.name for tool in scene.tools]
+    names += [tool.name or numbered("tools", i) for i, tool in enumerate(tables, 1)]
+    file = structs.replace(file, phases=tuple(x.of_each(names) for x in file.phases))
     if tables and (scene.dimension == 2 or issubclass(of.declaration, OnTool)):
         where = "is in its plane" if scene.dimension == 2 else "lies on a surface"
         raise ValueError(
@@ -388,6 +394,8 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
         for name, tool in phase.tools.items()
         if tool.motion_deg is not None
     }
+    if tables and not scene.tools and of.declaration is Forming:
+        of.refuse_keys_of_tools(furthest(file.phases, "punch"))
     tools = []
     for number, tool in enumerate(tables, 1):
         what = numbered("tools", number)
@@ -398,7 +406,6 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
             "scene.punch is missing: name STL files of punch and die, or describe "
             "tools in [[tools]]"
         )
-    names = [tool.name for tool in all_tools]
     for name in names:
         if names.count(name) > 1:
             raise ValueError(

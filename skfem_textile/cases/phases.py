@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from msgspec import Meta, field
+from msgspec import Meta, field, structs
 
 from .tables import Table, about
 from .tools import Amount, in_radians
@@ -93,8 +93,23 @@ class PhaseTable(Table):
     ] = None
     tools: Annotated[
         dict[str, ToolInPhase],
-        about("what changes of each tool, in tables [phases.tools.NAME]"),
+        about(
+            "what changes of each tool, in tables [phases.tools.NAME]; of every tool "
+            'in [phases.tools."*"], unless its own table states it'
+        ),
     ] = field(default_factory=dict)
+
+    def of_each(self, names: Sequence[str]) -> "PhaseTable":
+        """The phase with what it states of all tools in the table of each."""
+        tools = dict(self.tools)
+        if (every := tools.pop("*", None)) is None:
+            return self
+        for name in names:
+            own = tools.get(name, ToolInPhase())
+            given = {key: getattr(own, key) for key in own.__struct_fields__}
+            stated = {key: value for key, value in given.items() if value is not None}
+            tools[name] = structs.replace(every, **stated)
+        return structs.replace(self, tools=tools)
 
     def build(self) -> "Phase":
         """The phase."""
@@ -132,8 +147,8 @@ def in_phases(scene: "Scene", file: Any, tools: Sequence["Tool | Holder"]) -> "S
     Raises
     ------
     ValueError
-        If there are no tools, or no loads of which a phase states the factor; see also
-        `Process`.
+        If there are no tools, or no loads of which a phase states the factor, or the
+        first phase replaces a friction that is stated before it; see also `Process`.
     """
     from ..scenes import in_phases as follow
 
@@ -150,6 +165,7 @@ def in_phases(scene: "Scene", file: Any, tools: Sequence["Tool | Holder"]) -> "S
                 f"phase {phase.name!r} states a factor of the loads, but there are "
                 "none: state them in [loads]"
             )
+    _refuse_replaced(scene, file, [tool.name for tool in tools])
     origin = scene.axes.origin
     axes: Any = {tool.name: (_UP, -origin) for tool in scene.tools}
     for tool, table in zip(tools, file.tools, strict=True):
@@ -168,6 +184,38 @@ def described_phase(scene: "Scene", name: str | None) -> str | None:
     with errors_about("output.describe"):
         scene.process.begin(name)
     return name
+
+
+def _refuse_replaced(scene: "Scene", file: Any, names: Sequence[str]) -> None:
+    """Refuse friction that the first phase replaces from its begin on.
+
+    Other amounts change from their values before the first phase.
+    """
+    first = file.phases[0]
+    replaced = {
+        name for name, tool in first.tools.items() if _from_begin(tool.friction)
+    }
+    stated = {
+        f"tools.{name}.friction": {name}
+        for name, table in zip(names, file.tools, strict=True)
+        if table.friction
+    }
+    rubs = bool(getattr(file.scene, "friction", 0))
+    if scene.tools and rubs:
+        stated["scene.friction"] = {tool.name for tool in scene.tools}
+    for key, tools in stated.items():
+        if tools <= replaced:
+            raise ValueError(
+                f"{key} has no effect, because the phase {first.name!r} states the "
+                f"friction from its begin on: omit {key}, or set "
+                f"phases.{first.name}.tools.{min(tools)}.friction"
+            )
+
+
+def _from_begin(friction: InPhase | None) -> bool:
+    """True if a friction in a phase is stated at its begin, too."""
+    begins = not isinstance(friction, tuple) or friction[0][0] == 0
+    return friction is not None and begins
 
 
 def furthest(phases: Sequence[PhaseTable], tool: str) -> float | None:

@@ -161,7 +161,7 @@ def declared(
                 )
         none: dict[str, Any] = {**dict.fromkeys(ARRAYS, ()), "regions": {}, "vary": {}}
         of_phases = tuple(
-            _phase(numbered("phases", number), phase)
+            _phase(_named("phases", number, phase), phase)
             for number, phase in enumerate(arrays["phases"], 1)
         )
         filled = _with_defaults(_for_phases(tables, of_phases), scene)
@@ -171,7 +171,7 @@ def declared(
             vary=varied(tables.get("vary", {})),
             **{
                 name: tuple(
-                    converted(numbered(name, number), table, ARRAYS[name])
+                    converted(_named(name, number, table), table, ARRAYS[name])
                     for number, table in enumerate(array, 1)
                 )
                 for name, array in arrays.items()
@@ -288,7 +288,8 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
         The tables, which remain as they are.
     path
         Table and key, such as ``stepping.steps``.  A table of an array, such as
-        ``[[tools]]``, is selected by its name, or its number from 1; ``*`` selects all.
+        ``[[tools]]``, is selected by its name, or its number from 1; ``*`` selects all,
+        and as ``phases.NAME.tools.*`` all tools in a phase.
     value
         The value.
 
@@ -300,6 +301,9 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
     first, rest = first_name(path, tables)
     if not rest:
         return {**tables, first: value}
+    of_all: dict[str, Any] = {"*": {}, **tables}
+    if first == "*" and all(isinstance(x, Mapping) for x in of_all.values()):
+        return {name: with_value(x, rest, value) for name, x in of_all.items()}
     inner = tables.get(first, () if first in ARRAYS else {})
     if isinstance(inner, Mapping):
         return {**tables, first: with_value(inner, rest, value)}
@@ -356,6 +360,13 @@ ARRAYS: dict[str, Any] = {"tools": AnyTool, "phases": PhaseTable, "clamps": Clam
 def numbered(array: str, number: int) -> str:
     """Name in messages of a table of an array, such as ``tool_1`` of ``[[tools]]``."""
     return f"{array.removesuffix('s')}_{number}"
+
+
+def _named(array: str, number: int, table: Any) -> str:
+    """Path of a table of an array by its name, or ``numbered``."""
+    name = table.get("name") if isinstance(table, dict) else None
+    named = isinstance(name, str) and name
+    return f"{array}.{printable(name)}" if named else numbered(array, number)
 
 
 def _phase(where: str, table: Any) -> PhaseTable:
@@ -557,7 +568,7 @@ def _message(where: str, message: str, value: Any, kind: Any) -> str:
     if unknown := re.match(r"Object contains unknown field `(.*)`", text, re.DOTALL):
         return _unknown(path, unknown[1], table, others)
     if missing := re.match(r"Object missing required field `(.*)`", text):
-        return f"{path}.{missing[1]} is missing"
+        return f"{path}.{missing[1]} is missing{_meaning(table, missing[1])}"
     if text.startswith("Invalid "):
         known = [*dict.fromkeys(_choices(table))]
         word = re.findall(r"Invalid (?:enum )?value (.*)", text, re.DOTALL)[0]
@@ -624,6 +635,13 @@ def _unknown(path: str, key: str, table: type[Struct], beside: list[Any]) -> str
     near = _nearest(key, known) or f": allowed are {', '.join(known)}"
     place = f"{path} has no key" if path else "there is no table"
     return f"{place} '{excerpt(key)}'{near}"
+
+
+def _meaning(table: type[Struct], key: str) -> str:
+    """Meaning of a key, as the end of a message; empty if none is declared."""
+    hint = get_type_hints(table, include_extras=True).get(key)
+    stated = (getattr(one, "description", None) for one in get_args(hint))
+    return "".join(f": {text}" for text in stated if text)
 
 
 def _choices(kind: Any) -> Iterator[str]:

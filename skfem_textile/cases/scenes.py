@@ -118,6 +118,19 @@ class _OfFiles(Scene):
             mesh=mesh, **{**self.values(), **tools, **generated}
         )
 
+    def refuse_keys_of_tools(self: Any, travel: float | None) -> None:
+        """Refuse keys of tools of the scene, which has none, but a given travel."""
+        plain = type(self)()
+        own = {key: name for key, (name, _) in self.keys.items()} | {"unit": "unit"}
+        for key in (key for key, name in own.items() if name not in _OF_PLY):
+            allowed = getattr(plain, key), travel if key == "travel_mm" else None
+            if getattr(self, key) not in allowed:
+                raise ValueError(
+                    f"scene.{key} has no effect, because it belongs to tools of the "
+                    "scene, and all tools are in [[tools]]: omit it, or set a key of "
+                    "[[tools]] or [[phases]]"
+                )
+
 
 _OF_PLY = "fibres", "width", "height", "tension", "part"
 

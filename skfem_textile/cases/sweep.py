@@ -46,6 +46,10 @@ SOLVES, REACHED, REASON, WARNINGS = (
     "warnings",
 )
 
+# Relative change of figures that is not an effect of a value.  Chosen: below the digits
+# of a terminal, above the tolerance of an equilibrium (1e-5 of the energy lost).
+_NO_EFFECT = 1e-4
+
 # Keys that require one run of one case.
 _SINGLE = "fabric.samples", "stepping.tolerance"
 
@@ -122,6 +126,25 @@ class CaseSweep:
             for row in self.rows
             if row[REASON]
         ]
+
+    @property
+    def without_effect(self) -> list[str]:
+        """Keys whose values do not change any figure."""
+        return [key for key in self.vary if self._has_no_effect(key)]
+
+    def _has_no_effect(self, key: str) -> bool:
+        ends = {SOLVES, REACHED, REASON, WARNINGS}
+        groups: dict[str, list[dict[str, Any]]] = {}
+        for row in self.rows:
+            others = repr([row[name] for name in self.vary if name != key])
+            figures = {x: row[x] for x in row.keys() - {*self.vary, *ends}}
+            groups.setdefault(others, []).extend([figures] * bool(figures))
+        pairs = [(rows[0], one) for rows in groups.values() for one in rows[1:]]
+        return bool(pairs) and all(
+            one.keys() == other.keys()
+            and all(np.isclose(one[x], other[x], _NO_EFFECT, 0, True) for x in one)
+            for one, other in pairs
+        )
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write all rows as CSV.
@@ -346,7 +369,15 @@ def run_variants(
         for name in found[0].values
     }
     rows = [{**one.values, **ends[i]} for i, one in enumerate(found) if i in ends]
-    return CaseSweep(vary, rows)
+    found_all = CaseSweep(vary, rows)
+    for name in found_all.without_effect:
+        log.warning(
+            "the values of %s change no figure by more than %g of it: check that the "
+            "case depends on this key",
+            printable(name),
+            _NO_EFFECT,
+        )
+    return found_all
 
 
 def _name_of(names: Sequence[str], numbered: tuple[int, Case]) -> str:
@@ -427,7 +458,7 @@ def axis_of(key: str) -> str:
     if key.startswith("phases."):
         _, phase, inner = key.split(".", 2)
         return f"{axis_of(inner)} in phase {phase}"
-    words = key.removeprefix("scene.").removeprefix("tools.").removeprefix("*.")
+    words = key.removeprefix("scene.").removeprefix("tools.").replace("*.", "")
     end = next((end for end in _UNITS if words.endswith(end)), "")
     text = words.removesuffix(end).replace(".", " ").replace("_", " ")
     return text[:1].upper() + text[1:] + (f" ({_UNITS[end]})" if end else "")

@@ -231,6 +231,8 @@ def _begin(case: Case, options: argparse.Namespace) -> dict[str, Any]:
         raise ValueError(
             "--resume continues the run in its own folder: omit --from and --phase"
         )
+    if not folder.is_dir():
+        raise ValueError(f"--from {printable(folder)}: there is no such folder")
     if folder.resolve() == options.out.resolve():
         raise ValueError("--from and --out name the same folder: choose another --out")
     until = process.begin(phase)

@@ -1,6 +1,7 @@
 """Checks of tools before a run: room for the ply between them, and contact with it."""
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import permutations
@@ -16,9 +17,16 @@ from .holder import contacts, pressing
 from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
+log = logging.getLogger(__name__)
+
 # Penetration relative to the size of the ply that is round-off, and most projections of
 # a point onto a tool, which are exact to first order.
 _FREE, _MOST = 1e-6, 20
+
+# Travel relative to the size of the ply that is in another unit, and travel beyond the
+# plane of the ply, relative to the size of the whole ply, that is a warning.  Chosen: a
+# tool may come from far, but the ply follows from both sides.
+_TOO_FAR, _FAR = 10.0, 0.5
 
 # Number of intervals in which tools push points along, a limit of work: tools pass over
 # no point if they move by less than their size in an interval.
@@ -74,31 +82,35 @@ def check_tools(ply: Ply, moved: bool = False) -> None:
     ValueError: tools 'punch' and 'die' leave no room for the ply at load factor 1: ...
     """
     tools = contacts(ply)
+    _refuse_travels(ply)
     if not tools:
         return
     for tool in tools:
         if tool._obstacle.reach is None:  # holders may close from far away
             _refuse_behind(ply, tool)
     _refuse_asymmetric(ply, pressing(ply))
-    touched = _pushed(ply, tools)
-    if not (touched or moved or _has_normal_load(ply)):
+    touching = _pushed(ply, tools)
+    if not (touching or moved or _has_normal_load(ply)):
         _refuse_untouched(ply, tools)
+    _warn_of_travels(ply, tools, touching, moved)
 
 
-def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> bool:
-    """Refuse tools that cross; returns True if they push a node."""
+def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> set[str]:
+    """Refuse tools that cross; returns the names of those that push a node."""
     X, free = np.pad(ply.nodes, ((0, 1), (0, 0))), _FREE * _size(ply)
     x, normals = [X] * len(tools), [_normal(x, X) for x in tools]
     pairs = permutations(range(len(tools)), 2)
     opposite = [(i, j) for i, j in pairs if normals[i] @ normals[j] < OPPOSITE]
-    touched = False
+    touching = set()
     for t in _load_factors(tools):
         pushed = [_pushed_out(*pair, t, free) for pair in zip(tools, x, strict=True)]
         x = [at for at, _ in pushed]
-        touched |= any(nodes.size for _, nodes in pushed)
+        touching |= {
+            tool.name for tool, at in zip(tools, pushed, strict=True) if at[1].size
+        }
         for i, j in opposite:
             _refuse_crossing(tools[i], tools[j], X, *pushed[i], t, free)
-    return touched
+    return touching
 
 
 def _load_factors(tools: Sequence[ToolTerm], intervals: int = _PUSHES) -> list[float]:
@@ -164,23 +176,91 @@ def _refuse_crossing(
 
 def _refuse_untouched(ply: Ply, tools: Sequence[ToolContact]) -> None:
     """Refuse tools that reach the undeformed ply at no load factor."""
-    flat, nearest, name, at = ply.basis.zeros(), np.inf, "", 0.0
-    for t in _load_factors(tools, _INTERVALS):
-        for tool in tools:
-            gap = float(tool.gaps(flat, t).min(initial=np.inf))
-            if gap <= _FREE * _size(ply):
-                return
-            if gap < nearest:
-                nearest, name, at = gap, tool.name, t
+    found = [_approach(ply, tools, tool) for tool in tools]
+    if min(found)[0] <= _FREE * _size(ply):
+        return
+    (gap, t), moved = min(found), [_furthest(tool) for tool in tools]
     closest = "all its nodes are beyond the edges or outlines of the tools"
-    if np.isfinite(nearest):
-        closest = (
-            f"the nearest is {name!r}, {nearest:.3g} mm away at load factor {at:g}"
-        )
+    if np.isfinite(gap):
+        nearest, mover = tools[found.index((gap, t))], tools[int(np.argmax(moved))]
+        closest = f"the nearest is {nearest.name!r}, {gap:.3g} mm away at load factor "
+        closest += f"{t:g}"
+        if nearest is not mover and max(moved) > 0:
+            away = found[int(np.argmax(moved))][0]
+            closest += (
+                f", and {mover.name!r}, which moves by {max(moved):.3g} mm, stays "
+                f"{away:.3g} mm away"
+            )
     raise ValueError(
         f"nothing touches the ply at any load factor: {closest}: check positions, "
         "units and motions of the tools"
     )
+
+
+def _approach(
+    ply: Ply, tools: Sequence[ToolTerm], tool: ToolContact
+) -> tuple[float, float]:
+    """Smallest gap between a tool and the undeformed ply, and its load factor.
+
+    The first gap at which it touches the ply.
+    """
+    flat, nearest = ply.basis.zeros(), (np.inf, 0.0)
+    for t in _load_factors(tools, _INTERVALS):
+        nearest = min(nearest, (float(tool.gaps(flat, t).min(initial=np.inf)), t))
+        if nearest[0] <= _FREE * _size(ply):
+            break
+    return nearest
+
+
+def _furthest(tool: ToolTerm) -> float:
+    """Largest travel of a tool without rotation in mm."""
+    factors = _load_factors([tool], _INTERVALS)
+    moved = [tool.travel(t) for t in factors if not tool.rotation(t)]
+    return float(np.linalg.norm(moved, axis=1).max())
+
+
+def _refuse_travels(ply: Ply) -> None:
+    """Refuse travels in another unit."""
+    for tool in pressing(ply):
+        if (travel := _furthest(tool)) > _TOO_FAR * _size(ply):
+            raise ValueError(
+                f"tool {tool.name!r} moves by {travel:.4g} mm, over {_TOO_FAR:g} times "
+                f"the size of the ply, {_size(ply):.3g} mm: check its unit"
+            )
+
+
+def _warn_of_travels(
+    ply: Ply, tools: Sequence[ToolContact], touching: Collection[str], moved: bool
+) -> None:
+    """Warn of tools that push the ply far, or move furthest and touch nothing.
+
+    ``touching`` are the names of tools that are known to touch the undeformed ply.
+    """
+    travels = [_furthest(tool) for tool in tools]
+    driven = [x for x, d in zip(tools, travels, strict=True) if d >= max(travels) > 0]
+    misses = not (moved or any(tool.name in touching for tool in driven))
+    whole = _size(ply) * (2 if "mirror" in ply.fibre_ends.values() else 1)
+    for tool, travel in zip(tools, travels, strict=True):
+        if travel <= _FAR * whole and not (misses and driven == [tool]):
+            continue
+        gap, _ = _approach(ply, tools, tool)
+        if gap > _FREE * _size(ply):
+            if misses and driven == [tool]:
+                text = (
+                    "tool %r moves by %.3g mm, but stays %.3g mm away from the "
+                    "undeformed ply: check its motion and position"
+                )
+                log.warning(text, tool.name, travel, gap)
+            continue
+        normal = _normal(tool, np.pad(ply.nodes, ((0, 1), (0, 0))))
+        along = max(float(normal @ tool.travel(t)) for t in _load_factors(tools))
+        pushed = along - float(tool.gaps(ply.basis.zeros(), 0.0).min())
+        if pushed > _FAR * whole:
+            text = (
+                "tool %r pushes the ply by %.3g mm, over half of the size of the "
+                "whole ply, %.3g mm, which has to follow: check its travel"
+            )
+            log.warning(text, tool.name, pushed, whole)
 
 
 def _size(ply: Ply) -> float:
@@ -269,8 +349,13 @@ def _refuse_turned(
 
 
 def _has_normal_load(ply: Ply) -> bool:
-    load = np.abs(ply.nodal(ply.load(ply.basis.zeros(), 1.0)))
-    return bool(load[2].max() > ROUND_OFF * load.max())
+    flat = ply.basis.zeros()
+    for t in _load_factors(pressing(ply)):
+        p = ply.updated(ply.parameters_at_rest, flat, t)
+        load = np.abs(ply.nodal(ply.load(flat, t, p)))
+        if load[2].max() > ROUND_OFF * load.max():
+            return True
+    return False
 
 
 def _refuse_behind(ply: Ply, tool: ToolContact) -> None:

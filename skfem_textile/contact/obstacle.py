@@ -284,14 +284,15 @@ def turned(rotation: ndarray, H: ndarray) -> ndarray:
 
 
 def refuse_extent(what: str, surface: Surface, mesh: Mesh) -> None:
-    """Refuse triangles that pass between the nodes of a ply, or in another unit.
+    """Refuse tools that pass between the nodes of a ply, or in another unit.
 
     Parameters
     ----------
     what
         The tool, at the beginning of messages.
     surface
-        Its surface; one without ``facets``, which `drape.TriangleMesh` has, is valid.
+        Its surface; one with neither ``facets``, as of `drape.TriangleMesh`, nor a
+        ``diameter``, as of spheres and punches, is valid.
     mesh
         Mesh of the ply.
 
@@ -299,16 +300,20 @@ def refuse_extent(what: str, surface: Surface, mesh: Mesh) -> None:
     ------
     ValueError
         If the triangles extend over less than two elements, or over more than 100 times
-        the size of the ply.
+        the size of the ply, or a diameter is less than half the size of an element.
     """
-    if not hasattr(surface, "facets"):
+    least, few, each, most = 0.5, "half an element", "", np.inf
+    extent = getattr(surface, "diameter", None)
+    if hasattr(surface, "facets"):
+        least, few, each, most = 2, "two elements", " each", _LARGEST
+        extent = float(np.ptp(surface.facets.points, axis=1).max())
+    if extent is None:
         return
-    extent = float(np.ptp(surface.facets.points, axis=1).max())
     edges = np.diff(mesh.p[:, mesh.facets], axis=1)
     element, size = float(np.hypot(*edges).max()), float(np.ptp(mesh.p, axis=1).max())
-    if extent < 2 * element:
-        off = f"less than two elements of the ply, {element:.3g} mm each"
-    elif extent > _LARGEST * size:
+    if extent < least * element:
+        off = f"less than {few} of the ply, {element:.3g} mm{each}"
+    elif extent > most * size:
         off = f"over {_LARGEST:g} times the size of the ply, {size:.3g} mm"
     else:
         return

@@ -289,7 +289,8 @@ class Process:
             if start is None:
                 own = [x for x in _OF_HOLDERS if getattr(tool, x, None) is not None]
                 raise ValueError(
-                    f"{where} has a {own[0]}, not a {quantity}"
+                    f"{where} is a holder with a {own[0]}, not a {quantity}: state its "
+                    f"{own[0]}, or give it a {quantity} instead before the first phase"
                     if own
                     else f"{where} has no {quantity}: a holder states its {quantity} "
                     "before the first phase"

@@ -186,10 +186,16 @@ class Holder:
         given = self.gap, self.pressure, self.force
         if sum(one is not None for one in given) != 1:
             raise ValueError(f"{what}: specify either a gap, a pressure or a force")
-        if (self.force is None) != (self.compaction is None):
+        if self.compaction is None and self.force is not None:
             raise ValueError(
-                f"{what}: a force requires a law of compaction of the ply, and a law "
-                "of compaction a force"
+                f"tool {self.name!r}: its force makes it a holder, which requires a "
+                "law of compaction of the ply: set compaction, or, for a tool that "
+                "moves, omit the force"
+            )
+        if self.compaction is not None and self.force is None:
+            raise ValueError(
+                f"{what}: a law of compaction requires a force: set force, or omit "
+                "compaction"
             )
         term: ToolContact | HolderPressure
         if self.gap is None:

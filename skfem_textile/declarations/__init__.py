@@ -300,7 +300,8 @@ class Clamp:
     """springs along an edge of the ply, which may let go"""
 
     edge: Any = key(
-        "name of the boundary of the mesh that the clamp holds, such as right",
+        "name of the boundary of the mesh that the clamp holds, such as left, right, "
+        "top or bottom",
         kind=str,
     )
     stiffness: float = key(

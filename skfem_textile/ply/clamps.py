@@ -136,16 +136,17 @@ class Clamp(declared.Clamp):
                 both = np.bincount(middle, np.isin(corner, nodes)) == 2
                 nodes = np.union1d(nodes, np.flatnonzero(both))
             facets = facets[np.isin(mesh.facets[:, facets], nodes).all(axis=0)]
-        where = "between the selected nodes"
+        where, beside = "between the selected nodes", ""
         if isinstance(self.edge, str):
             where = f"on {self.edge!r}"
         if self.within is not None:
+            beside = _extents(mesh.p[:, mesh.facets[:, facets]])
             where += " within its rectangle"
         facets = facets[self.inside(mesh.p)[mesh.facets[:, facets]].all(axis=0)]
         if not facets.size:
             raise ValueError(
                 f"{what}: the mesh has no edge of the boundary {where}: choose at "
-                "least the two nodes of one edge"
+                f"least the two nodes of one edge{beside}"
             )
         return facets
 
@@ -180,6 +181,17 @@ def _in_rectangle(X: ndarray, box: ndarray) -> ndarray:
     off = 1e-9 * float(np.ptp([*X.ravel(), *box[np.isfinite(box)]]))
     low, high = box[:2, None] - off, box[2:, None] + off
     return np.asarray(((low <= X) & (high >= X)).all(axis=0))
+
+
+def _extents(X: ndarray) -> str:
+    """Where edges are, at the end of a message; positions of shape (2, 2, n)."""
+    if not X.size:
+        return ""
+    low, high = X.min(axis=(1, 2)), X.max(axis=(1, 2))
+    along = (
+        f"{x} from {a:g} to {b:g} mm" for x, a, b in zip("xy", low, high, strict=True)
+    )
+    return f", which extend over {' and '.join(along)} in the axes of the ply"
 
 
 class ClampTerm(Term):

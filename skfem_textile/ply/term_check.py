@@ -49,7 +49,10 @@ def terms_on_basis(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term
     for term in on_basis:
         _check_members(term)
         if term.name in names:
-            raise ValueError(f"two terms have the name {term.name!r}: use unique names")
+            raise ValueError(
+                f"two tools, clamps, loads or other terms have the name {term.name!r}: "
+                "rename one of them"
+            )
         names.append(term.name)
         misfit = getattr(term, "misfit", lambda basis: "")(basis)
         if misfit:

@@ -51,7 +51,7 @@ _FLAT = 1e-4
 # the length of an inch, 25.4 mm.
 _OTHER_UNIT = 20.0
 
-# Share of the largest force of a tool above which holding forces are reported.
+# Share of the largest force of a tool in a run above which holding forces are reported.
 _HOLDING = 0.01
 
 _NO_EXACT = "no exact solution is known"
@@ -191,14 +191,15 @@ def _measured(result: Result, holding: Collection[str]) -> dict[str, float | str
     if forces:
         largest = float(np.linalg.norm(forces, axis=1).max())
         figures["max_holding_force_N"] = largest
-        on_tools = [last[tool.name] for tool in contacts(result.ply)]
-        pushing = float(np.linalg.norm(on_tools, axis=1).max(initial=0.0))
+        names = [tool.name for tool in contacts(result.ply)]
+        on_tools = [[state.reactions[x] for x in names] for state in result.states]
+        pushing = float(np.linalg.norm(on_tools, axis=-1).max(initial=0.0))
         if largest > _HOLDING * pushing > 0:
             figures["held"] = (
                 f"the node at the centre of the ply is held with {largest:.3g} N, "
-                f"{largest / pushing:.0%} of the largest force of a tool: without it "
-                "the ply would slide. Put the centre of the ply on the axis of the "
-                "tools, or hold edges of the ply"
+                f"{largest / pushing:.0%} of the largest force of a tool in the run: "
+                "without it the ply would slide. Put the centre of the ply on the axis "
+                "of the tools, or hold edges of the ply"
             )
     return figures
 

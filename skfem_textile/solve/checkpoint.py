@@ -269,7 +269,7 @@ class Checkpoint:
                 f"checkpoint {self.folder} belongs to a run that differs before the "
                 f"load factor {until:g}: "
             )
-            advice = "; repeat it from an earlier phase, or run anew"
+            advice = "; repeat it from an earlier phase, or start a new run"
         for name, value in self._settings.items():
             was = run.text.get(name)
             begun = until < 1 and name == "steps"
@@ -292,6 +292,9 @@ class Checkpoint:
             same = old.shape == new.shape and np.array_equal(np.isfinite(old), finite)
             allowed = _SAME * np.abs(new[finite]).max(initial=0.0)
             if not same or np.any(np.abs(old[finite] - new[finite]) > allowed):
+                always = name not in varying or not np.array_equal(old[:1], new[:1])
+                if until < 1 and always:
+                    advice = ", from the start: start a new run"
                 raise CheckpointError(f"{another}its {name} differ{advice}")
 
     def _fingerprint(self) -> dict[str, ndarray]:
@@ -323,7 +326,7 @@ class Checkpoint:
             "surfaces": np.empty(0) if surfaces is None else surfaces.levels(1.0),
         }
         entries |= {
-            f"release of {x.name!r}": np.array([x.release])
+            f"values of the release of {x.name!r}": np.array([x.release])
             for x in ply.terms
             if x.release is not None
         }

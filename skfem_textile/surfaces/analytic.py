@@ -75,6 +75,11 @@ class Sphere(declared.Sphere, _Checked):
         Centre in mm.
     """
 
+    @property
+    def diameter(self) -> float:
+        """Diameter in mm."""
+        return 2 * self.radius
+
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
         return np.linalg.norm(self._from_centre(x), axis=0) - self.radius
@@ -430,6 +435,11 @@ class Punch(declared.Punch, OfRevolution):
     >>> drape.Punch(30.0).level(np.array([[0.0, 34.0], [0.0, 0.0], [32.0, -50.0]]))
     array([2., 4.])
     """
+
+    @property
+    def diameter(self) -> float:
+        """Diameter in mm."""
+        return 2 * self.radius
 
     def _derivatives(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
         # Distance from the axis of the shaft, or from the centre above it.

@@ -72,7 +72,12 @@ def test_clamps_turn_with_the_scene():
     ("change", "message"),
     [
         ({"edge": "north"}, "clamp 'clamp_1': the mesh has no boundary 'north'"),
-        ({"edge": None}, "clamp_1.edge is missing"),
+        ({"edge": None}, "clamp_1.edge is missing: name of the boundary of the mesh"),
+        (
+            {"edge": None, "name": "east"},
+            "clamps.east.edge is missing: name of the boundary of the mesh that the "
+            "clamp holds, such as left, right, top or bottom",
+        ),
         ({"stiffness_N_per_mm": 0}, "clamp 'clamp_1': stiffness must be"),
         ({"release_N": -1}, "clamp 'clamp_1': release must be"),
         ({"direction": [0, 0]}, "clamp 'clamp_1': direction must be a non-zero"),

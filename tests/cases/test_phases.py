@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skfem_textile.cases import case_from_file, case_from_tables, declared
+from skfem_textile.cases.read import with_value
 from skfem_textile.cases.write import case_text, reference, tables_of
 
 PUNCH = {
@@ -123,11 +124,14 @@ SCENE = {"name": "hemisphere_forming"}
     [
         ("phases must be an array of tables", tables() | {"phases": {"a": 1}}),
         ("phase_1 must be a table", tables(3)),
-        ("phase_1.tools must be a table, not 3", tables(moved(0, 0, 1, tools=3))),
-        ("phase_2.steps is missing", tables(moved(0, 0, 1), {"name": "b"})),
-        ("phase_1.steps must be an integer >= 1", tables(moved(0, 0, 1, steps=0))),
+        ("phases.up.tools must be a table, not 3", tables(moved(0, 0, 1, tools=3))),
         (
-            "phase_1.tools.punch has no key 'motion'; did you mean 'motion_mm'",
+            "phases.b.steps is missing: number of its load steps",
+            tables(moved(0, 0, 1), {"name": "b"}),
+        ),
+        ("phases.up.steps must be an integer >= 1", tables(moved(0, 0, 1, steps=0))),
+        (
+            "phases.up.tools.punch has no key 'motion'; did you mean 'motion_mm'",
             tables(moved(0, 0, 1, tools={"punch": {"motion": 1}})),
         ),
         (
@@ -163,3 +167,62 @@ SCENE = {"name": "hemisphere_forming"}
 def test_invalid_phases_are_refused(message, given):
     with pytest.raises(ValueError, match=message):
         case_from_tables(given)
+
+
+def test_a_star_is_every_tool_of_a_phase_unless_its_own_table_states_it():
+    given = tables(GRAVITY, LIFT | {"tools": {"*": {"friction": 0.3}, **LIFT["tools"]}})
+    punch, holder = case_from_tables(given).scene.tools
+    assert (punch.friction(1.0), holder.friction(1.0)) == (0.2, 0.3)
+    every = with_value(given, "phases.lift.tools.*.friction", 0.4)
+    punch, holder = case_from_tables(every).scene.tools
+    assert (punch.friction(1.0), holder.friction(1.0)) == (0.4, 0.4)
+    assert declared(tables_of(declared(every))) == declared(every)
+
+
+def test_tools_that_no_phase_states_are_tools_of_it_too():
+    text = tables(GRAVITY, moved(0, 0, 1))
+    every = with_value(text, "phases.up.tools.*.friction", 0.4)
+    for tool in case_from_tables(every).scene.tools:
+        assert (tool.friction(0.5), tool.friction(1.0)) == (0.0, 0.4)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("friction", 0.1),
+        ("holder_gap_mm", 0.2),
+        ("holder_pressure_N_per_mm2", 0.1),
+        ("centre_mm", [30, 0]),
+        ("travel_mm", 75),
+    ],
+)
+def test_keys_of_tools_that_a_scene_has_not_are_refused(key, value):
+    scene = FORMING | {key: value}
+    with pytest.raises(ValueError, match=f"scene.{key} has no effect, because"):
+        case_from_tables(tables(GRAVITY, scene=scene))
+
+
+def test_friction_that_the_first_phase_replaces_is_refused():
+    """Force and gap change from their first values, as friction in rows from later."""
+    states = {"name": "first", "steps": 1, "tools": {"punch": {"friction": 0.2}}}
+    rubs = [PUNCH | {"friction": 0.1}, HOLDER | {"friction": 0.1}]
+    expected = "tools.punch.friction has no effect, because the phase 'first' states"
+    with pytest.raises(ValueError, match=expected):
+        case_from_tables(tables(states, tools=rubs))
+    states["tools"] = {"*": {"friction": 0.2}}
+    scene = SCENE | {"friction": 0.1}
+    with pytest.raises(ValueError, match=r"scene\.friction has no effect, because"):
+        case_from_tables({"scene": scene, "phases": [states]})
+    states["tools"] = {"die": {"friction": 0.2}}
+    case_from_tables({"scene": scene, "phases": [states]})
+    states["tools"] = {"punch": {"friction": [[1, 0.2]]}, "holder": {"force_N": 2}}
+    punch, holder = case_from_tables(tables(states, tools=rubs)).scene.tools
+    assert punch.friction(0.5) == pytest.approx(0.15)
+    assert holder.force(0.5) == 1.5
+
+
+@pytest.mark.parametrize(("of_shear", "end"), [(False, ", no locking"), (True, "")])
+def test_a_note_on_default_laws_describes_these_only(of_shear, end):
+    law = {"law": "locking", "stiffness_N_per_mm": 0.1, "locking_angle_deg": 60}
+    case = case_from_tables({"scene": SCENE} | ({"shear": law} if of_shear else {}))
+    assert f"N/mm, linear{end}; no wrinkling" in case.defaults

@@ -223,6 +223,14 @@ def test_runs_that_stop_or_are_refused_stay_in_the_table(monkeypatch):
     assert "load factor" in stopped[REASON]
 
 
+def test_values_that_change_no_figure_are_a_warning(caplog):
+    """Of two keys, one changes figures."""
+    vary = {"shear.wrinkling_angle_deg": (80, 85), STIFFNESS: (0.1, 0.2)}
+    sweep_case(FRAME, vary)
+    assert "the values of shear.wrinkling_angle_deg change no figure" in caplog.text
+    assert STIFFNESS not in caplog.text
+
+
 def test_a_run_without_a_converged_step_has_no_figures(monkeypatch):
     result = case_from_tables(FRAME).run()
     at_rest = replace(result, states=result.states[:1])

@@ -66,7 +66,7 @@ def test_tools_of_a_case_have_friction_and_a_force():
 
 def test_an_elastic_slip_is_refused_by_its_key():
     slip = PUNCH | {"friction": 0.1, "elastic_slip_mm": 0.0}
-    message = r"tool_1\.elastic_slip_mm must be a number > 0"
+    message = r"tools\.punch\.elastic_slip_mm must be a number > 0"
     refused(lambda: case_from_tables(tables(slip)), message)
 
 

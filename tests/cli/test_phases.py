@@ -164,6 +164,7 @@ def test_a_key_that_is_not_in_a_phase_is_refused(tmp_path, capsys, change, messa
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (["--phase", "press", "--from", "firts"], "--from firts: there is no such fol"),
         ([], "--from and --phase belong together"),
         (["--phase", "pres"], "there is no phase 'pres': choose from lift, press"),
         (["--phase", "press", "--resume"], "omit --from and --phase"),
@@ -181,6 +182,12 @@ def test_a_folder_without_a_checkpoint_is_refused(run, tmp_path, capsys):
     assert (
         "contains no checkpoint: run its case with --check" in capsys.readouterr().err
     )
+
+
+def test_a_clamp_that_acts_from_the_start_needs_a_new_run(run, tmp_path, capsys):
+    clamp = '[[clamps]]\nedge = "right"\nstiffness_N_per_mm = 1\n'
+    assert repeat(run, tmp_path, "--phase", "press", text=f"{PHASES}{clamp}") == 2
+    assert "differ, from the start: start a new run" in capsys.readouterr().err
 
 
 def test_another_run_before_the_phase_is_refused(run, tmp_path, capsys):

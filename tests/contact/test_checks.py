@@ -19,6 +19,7 @@ from skfem_textile import (
     LoadStepper,
     Ply,
     Tool,
+    contact,
     drape,
 )
 from skfem_textile.contact.checks import check_tools
@@ -253,3 +254,44 @@ def test_a_surface_that_is_defined_for_a_quarter_only_is_accepted():
         return drape.Height(h, -x / 100, -y / 100, dome - 0.01, dome, dome - 0.01)
 
     check_tools(quarter(Tool(drape.HeightField(height), UP, side=1)))
+
+
+def test_a_punch_that_misses_is_named(caplog):
+    """Beside a nearer tool, and where another tool moves the ply."""
+    with pytest.raises(ValueError, match=r"'lid', 0\.1 mm .*, and 'punch', which "):
+        check_tools(ply(punch(-10.0), lid(0.1)))
+    check_tools(ply(punch(-10.0), replace(lid(0.1), motion=(0, 0, -1))))
+    assert "tool 'punch' moves by 10 mm, but stays 0.2 mm away" in caplog.text
+    caplog.clear()
+    check_tools(ply(punch(5.0), replace(lid(0.1), motion=(0, 0, 5))))
+    assert not caplog.text
+
+
+def test_a_holder_whose_force_grows_from_zero_moves_the_ply():
+    """In the middle of the run: it is zero at the begin and at the end."""
+    law = contact.Compaction(0.4, 1e-3, 7.0)
+    press = {"force": lambda t: 40 * t * (1 - t), "compaction": law}
+    check_tools(ply(lid(0.2), Holder(drape.Plane((0, 0, 0.2)), side=-1, **press)))
+
+
+def test_travels_in_another_unit_are_refused_and_long_ones_a_warning(caplog):
+    text = "'punch' moves by 8000 mm, over 10 times the size of the ply, 120 mm: check"
+    with pytest.raises(ValueError, match=text):
+        check_tools(ply(punch(8000.0)))
+    check_tools(ply(punch(60.0)))
+    check_tools(quarter(punch(60.0)))
+    check_tools(ply(replace(punch(-200.0), surface=drape.Sphere(30.0, (0, 0, 199)))))
+    assert not caplog.text
+    for tools in (ply(punch(62.0)), quarter(punch(62.0))):
+        check_tools(tools)
+        text = "'punch' pushes the ply by 61.8 mm, over half of the size of the whole"
+        assert text in caplog.text
+        caplog.clear()
+
+
+@pytest.mark.parametrize("kind", [drape.Sphere, drape.Punch])
+def test_a_sphere_or_punch_that_passes_between_nodes_is_refused(kind):
+    text = "'punch' extends over 7.4 mm, less than half an element of the ply, 15 mm:"
+    with pytest.raises(ValueError, match=text):
+        ply(Tool(kind(3.7, (0, 0, -8)), UP, name="punch"))
+    ply(Tool(kind(3.8, (0, 0, -8)), UP, name="punch"))

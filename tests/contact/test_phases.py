@@ -247,7 +247,10 @@ def holding(**amounts):
         ("no tool 'pinch': choose from punch, die", [Phase("x", 1, {"pinch": {}})]),
         ("'die' has no 'sped'", [Phase("x", 1, {"die": {"sped": 1}})]),
         ("'die' has no gap", [Phase("x", 1, {"die": {"gap": 1}})]),
-        ("'holder' has a gap, not a force", [holding(force=1)]),
+        (
+            "'holder' is a holder with a gap, not a force: state its gap",
+            [holding(force=1)],
+        ),
         ("gap of 'holder' must be at least 0 mm, got -1 mm", [holding(gap=-1)]),
         ("friction of 'holder' must be from 0 to 2", [holding(friction=2.5)]),
         ("gap of 'holder' must be a number, or rows", [holding(gap=(1, 2))]),

@@ -145,7 +145,7 @@ TERMS = [
     (MatrixTerm("a", np.eye(3)), "its matrix must be"),
     (VectorTerm("a", np.full(N, np.nan)), "its vector must be"),
     (VectorTerm("a", np.ones(N), role="force"), "role must be one of"),
-    (VectorTerm("shear", np.ones(N)), "two terms have the name 'shear'"),
+    (VectorTerm("shear", np.ones(N)), "other terms have the name 'shear'"),
     (3.0, "is not a term: it lacks name"),
     (VectorTerm, "is a class, not a term"),
     (VectorTerm("", np.ones(N)), "the name of a term must be a non-empty string"),

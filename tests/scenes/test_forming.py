@@ -14,6 +14,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Fabric, OnePoint
 from skfem_textile.cli import main as cli
+from skfem_textile.contact import contacts
 from skfem_textile.drape import TriangleMesh
 from skfem_textile.io import read_surface
 from skfem_textile.scenes import (
@@ -22,7 +23,7 @@ from skfem_textile.scenes import (
     forming,
     hemisphere_forming,
 )
-from skfem_textile.scenes.forming import _refuse_units
+from skfem_textile.scenes.forming import _measured, _refuse_units
 from tests.helpers import graph
 
 CELLS = {"size": (3, 3)}
@@ -108,6 +109,20 @@ def test_a_ply_beside_the_axis_of_the_tools_is_held_and_says_so():
     mesh = square.translated((9.0, 0.0)).with_defaults()
     scene = hemisphere_forming(mesh, radius=30.0, travel=2.0, part="whole")
     assert "held" in summary(scene)
+
+
+def test_forces_that_hold_are_compared_with_the_largest_force_of_the_run():
+    """At the end of a process the tools may be open."""
+    states = [
+        SimpleNamespace(reactions={"centre": np.full(3, 0.01), "punch": np.full(3, F)})
+        for F in (0.0, 9.0, 1e-12)
+    ]
+    tool = contacts(case(hemisphere_forming(size=(2, 2))).ply())[0]
+    result = SimpleNamespace(states=states, ply=SimpleNamespace(terms=[tool]))
+    assert "held" not in _measured(result, ["centre"])
+    states[1].reactions["punch"] = np.full(3, 0.5)
+    text = "2% of the largest force of a tool in the run"
+    assert text in _measured(result, ["centre"])["held"]
 
 
 @pytest.mark.parametrize("scene", [hemisphere_forming, double_dome_forming])

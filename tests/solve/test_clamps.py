@@ -432,6 +432,10 @@ def test_a_condition_ends_before_a_punch_moves():
         (Clamp([7], K), "no edge of the boundary between the selected nodes"),
         (Clamp(lambda X: X[1] < -1, K), "where selects no nodes"),
         (Clamp("top", K, within=(0, 0, 1, 1)), "on 'top' within its rectangle"),
+        (
+            Clamp("top", K, within=(0, 0, 1, 1)),
+            "edge, which extend over x from 0 to 10 mm and y from 20 to 20 mm",
+        ),
         (Clamp("top", K, within=(5, 0, 0, 20)), "within must be the smallest x and y"),
         (Clamp("top", 0.0), "stiffness must be a finite number > 0, got 0"),
         (Clamp("top", -1.0), "stiffness must be a finite number > 0"),
@@ -455,7 +459,7 @@ def test_bad_input_is_refused_in_one_line(clamp, message):
 
 
 def test_two_clamps_of_one_name_are_refused():
-    with pytest.raises(ValueError, match="two terms have the name 'clamp'"):
+    with pytest.raises(ValueError, match="other terms have the name 'clamp'"):
         strip(Clamp("top", K), Clamp("right", K))
 
 
