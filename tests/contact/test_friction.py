@@ -252,6 +252,33 @@ def test_the_die_carries_the_force_on_a_sheared_ply():
     assert state.reactions["plate"][2] == pytest.approx(10.0, rel=1e-9)
 
 
+def test_a_run_is_not_resumed_with_another_law_of_compaction_or_slip(tmp_path):
+    def stepper(law=(0.3, 1e-3, 8.0), slip=0.02):
+        plate = Tool(PLANE, side=1, friction=0.2, elastic_slip=slip, name="plate")
+        holder = Holder(PLANE, side=1, force=5.0, compaction=Compaction(*law))
+        mesh, fabric = grid(50.0, 10.0, 2, 1), Fabric(1e5, 1.0)
+        ply = Ply(mesh, fabric, terms=[plate, holder], dimension=3)
+        held = {"held": Condition("right", (0.0, 0.0, None))}
+        return LoadStepper(ply, held, steps=1, checkpoint=tmp_path)
+
+    stepper().run()
+    stepper().run(resume=True)
+    for other in ((0.3, 1e-2, 8.0), (0.31, 1e-3, 8.0), (0.3, 1e-3, 8.01)):
+        with pytest.raises(ValueError, match="law of compaction of 'holder' differ"):
+            stepper(other).run(resume=True)
+    with pytest.raises(ValueError, match="elastic slip of 'plate' differ"):
+        stepper(slip=0.03).run(resume=True)
+
+
+def test_an_initial_guess_is_refused_with_friction_of_tools():
+    """It would take one step, whatever the path, on which friction depends."""
+    plate = Tool(PLANE, side=1, friction=0.2)
+    ply = Ply(grid(9.0, 9.0, 1, 1), Fabric(1e5, 1.0), terms=[plate], dimension=3)
+    held = {"held": Condition("right")}
+    with pytest.raises(ValueError, match="initial_guess: friction of tools requires"):
+        LoadStepper(ply, held, initial_guess=ply.basis.zeros())
+
+
 class Saturating:
     """A law with a largest pressure."""
 
