@@ -233,25 +233,6 @@ def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
     assert not none.pressures.any()
 
 
-def test_the_die_carries_the_force_on_a_sheared_ply():
-    """Its area is cos γ times the flat one, its thickness without pressure 1/cos γ."""
-    law, angle = Compaction(0.3, 1e-3, 8.0), np.radians(30)
-    plate = Tool(PLANE, side=1, name="plate")
-    holder = Holder(PLANE, side=1, force=10.0, compaction=law)
-    terms = [plate, holder]
-    ply = Ply(grid(20.0, 20.0, 2, 2), Fabric(1e4, 1.0), terms=terms, dimension=3)
-    edge = ply.mesh.boundary_nodes()
-    conditions = {
-        "x": Condition(edge, lambda X, t: X[1] * np.sin(t * angle), (1, 0, 0)),
-        "y": Condition(edge, lambda X, t: X[1] * (np.cos(t * angle) - 1), (0, 1, 0)),
-    }
-    state = LoadStepper(ply, conditions, steps=2).run().states[-1]
-    share = np.cos(angle)
-    expected = 0.3 / share * (1 + 10.0 / (400.0 * share * 1e-3)) ** (-1 / 8)
-    assert state.parameters["holder"]["distance"] == pytest.approx(expected, rel=1e-9)
-    assert state.reactions["plate"][2] == pytest.approx(10.0, rel=1e-9)
-
-
 def test_a_run_is_not_resumed_with_another_law_of_compaction_or_slip(tmp_path):
     def stepper(law=(0.3, 1e-3, 8.0), slip=0.02):
         plate = Tool(PLANE, side=1, friction=0.2, elastic_slip=slip, name="plate")
@@ -277,6 +258,25 @@ def test_an_initial_guess_is_refused_with_friction_of_tools():
     held = {"held": Condition("right")}
     with pytest.raises(ValueError, match="initial_guess: friction of tools requires"):
         LoadStepper(ply, held, initial_guess=ply.basis.zeros())
+
+
+def test_the_die_carries_the_force_on_a_sheared_ply():
+    """Its area is cos γ times the flat one, its thickness without pressure 1/cos γ."""
+    law, angle = Compaction(0.3, 1e-3, 8.0), np.radians(30)
+    plate = Tool(PLANE, side=1, name="plate")
+    holder = Holder(PLANE, side=1, force=10.0, compaction=law)
+    terms = [plate, holder]
+    ply = Ply(grid(20.0, 20.0, 2, 2), Fabric(1e4, 1.0), terms=terms, dimension=3)
+    edge = ply.mesh.boundary_nodes()
+    conditions = {
+        "x": Condition(edge, lambda X, t: X[1] * np.sin(t * angle), (1, 0, 0)),
+        "y": Condition(edge, lambda X, t: X[1] * (np.cos(t * angle) - 1), (0, 1, 0)),
+    }
+    state = LoadStepper(ply, conditions, steps=2).run().states[-1]
+    share = np.cos(angle)
+    expected = 0.3 / share * (1 + 10.0 / (400.0 * share * 1e-3)) ** (-1 / 8)
+    assert state.parameters["holder"]["distance"] == pytest.approx(expected, rel=1e-9)
+    assert state.reactions["plate"][2] == pytest.approx(10.0, rel=1e-9)
 
 
 class Saturating:
