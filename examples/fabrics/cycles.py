@@ -71,7 +71,7 @@ conditions = {
 }
 curves = {}
 for name, shear in {"elastic law": law.law, "with friction": law}.items():
-    free = LoadStepper(Ply(mesh, Fabric(1e4, shear)), conditions, steps=20).run()
+    free = LoadStepper(Ply(mesh, Fabric(1e4, shear)), conditions, steps=(10, 1)).run()
     angles = [abs(np.degrees(free.ply.shear_angle(s.u).mean())) for s in free.states]
     print(f"{name}: {angles[10]:.1f} degrees, let go {angles[-1]:.1f} degrees")
     curves[name] = [state.load_factor for state in free.states], angles

@@ -218,14 +218,14 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     loads = _loads(file.loads, factor, of_phases or 1.0)
     if scene.rotation:
         loads = tuple(load.turned(scene.turn) for load in loads)
+    loads += _clamps(scene, file.clamps)
     fit = _fitted(scene, fabric, loads, file.mesh.as_is)
-    clamps = _clamps(scene, file.clamps)
     if isinstance(fabric := fit.fabric, Mapping):
         fabric = fabric_of_regions(fit.mesh, fabric)
     case = Case(
         scene=replace(scene, mesh=fit.mesh),
         fabric=fabric,
-        loads=(*loads, *clamps),
+        loads=loads,
         formulation=file.formulation.construct() or fit.formulation,
         steps=_steps(file, scene),
         method=file.stepping.method,

@@ -196,7 +196,7 @@ def _last_saved(case: Case, folder: Path) -> tuple[ndarray, float]:
             Replay(stepper.problem, guessed=stepper.initial_guess is not None)
         )
     finally:
-        checkpoint.release()
+        checkpoint.unlock()
     if saved is None:
         raise ValueError(
             f"{printable(folder)} contains neither fields/{_SERIES} nor a checkpoint "

@@ -1,12 +1,12 @@
 """Declaration of the phases of a process: keys of ``[[phases]]``."""
 
 from collections.abc import Sequence
-from math import radians
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from msgspec import Meta, field
 
 from .tables import Table, about
+from .tools import Amount, in_radians
 
 if TYPE_CHECKING:
     from ..contact import Holder, Phase, Tool
@@ -24,12 +24,14 @@ class RowsOfTravel(Table):
 
 
 #: A number, rows of the share of a phase and number, or rows of a travel.
-InPhase: TypeAlias = float | tuple[tuple[float, float], ...] | RowsOfTravel
+InPhase: TypeAlias = Amount | RowsOfTravel
 
-_ROWS = (
+_SHARES = (
     "at the end of the phase, reached linearly; or rows of the share of the phase, 0 "
-    "to 1, and value; or {travel_of = NAME, rows}, rows of the travel of a tool and "
-    "value"
+    "to 1, and value"
+)
+_ROWS = (
+    f"{_SHARES}; or {{travel_of = NAME, rows}}, rows of the travel of a tool and value"
 )
 
 
@@ -44,8 +46,8 @@ class ToolInPhase(Table):
         ),
     ] = None
     motion_deg: Annotated[
-        InPhase | None,
-        about(f"rotation about the axis of the tool, by default z, {_ROWS}"),
+        Amount | None,
+        about(f"rotation about the axis of the tool, by default z, {_SHARES}"),
     ] = None
     gap_mm: Annotated[InPhase | None, about(f"gap of a holder, {_ROWS}")] = None
     pressure_N_per_mm2: Annotated[
@@ -65,7 +67,7 @@ class ToolInPhase(Table):
             if (value := getattr(self, key)) is not None
         }
         if "rotation" in built:
-            built["rotation"] = _in_radians(built["rotation"])
+            built["rotation"] = in_radians(built["rotation"])
         return built
 
 
@@ -109,15 +111,6 @@ def built_value(value: Any) -> Any:
     from ..contact import OverTravel
 
     return OverTravel(value.travel_of, value.rows)
-
-
-def _in_radians(value: Any) -> Any:
-    """An angle, or the angles in rows, in radians."""
-    if isinstance(value, int | float):
-        return radians(value)
-    if not isinstance(value, tuple):
-        return type(value)(value.tool, _in_radians(value.rows))
-    return tuple((at, radians(angle)) for at, angle in value)
 
 
 # Axis of rotation of the tools of a scene.

@@ -313,9 +313,11 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
     every = name == "*" and inner
     if (at is None and not every) or not key:
         known = ", ".join(map(printable, names))
+        found = f"but {known}: write {first}.NAME.KEY" if known else "which is empty"
+        if not known and first == "tools" and _is_of_scene(key, tables.get("scene")):
+            found = f"which is empty: write scene.{key}"
         raise ValueError(
-            f"there is no table {printable(name)!r} in [[{first}]], "
-            + (f"but {known}: write {first}.NAME.KEY" if known else "which is empty")
+            f"there is no table {printable(name)!r} in [[{first}]], {found}"
         )
     changed = [
         with_value(one, key, value) if every or i == at else one
@@ -332,6 +334,12 @@ def first_name(path: str, names: Iterable[str]) -> tuple[str, str]:
     known = [name for name in names if path.startswith(f"{name}.")]
     first = max(known, key=len, default=path.partition(".")[0])
     return first, path[len(first) + 1 :]
+
+
+def _is_of_scene(key: str, scene: Any) -> bool:
+    """True if a key is one of a table of a scene, which may be invalid."""
+    name = scene.get("name") if isinstance(scene, Mapping) else None
+    return key in getattr(SCENES.get(str(name)), "__struct_fields__", ())
 
 
 def index_of(tables: Sequence[Mapping[str, Any]], name: str) -> int | None:

@@ -507,8 +507,8 @@ class Stepping(Table):
     release: Annotated[
         tuple[str, ...] | None,
         about(
-            "conditions of the scene whose forces are removed after the programme, in "
-            "one more part: the ply springs back"
+            "conditions of the scene whose forces are removed after the programme, "
+            "before one more part: the ply springs back"
         ),
     ] = None
 

@@ -18,9 +18,10 @@ from ..contact.figures import PARTS, mirror_images, travels
 from ..io.file_numbers import word_of, write_table
 from ..mesh.progress import shown, unlogged
 from ..mesh.user_input import error_text, printable
+from ..scenes.samples import printed_numbers, run_unlogged
 from ..scenes.scene import Case
-from ..solve.quantities import IN_PLANE, IN_SPACE, LOST, Quantity
-from ..solve.result import Result, StepError
+from ..solve.quantities import IN_PLANE, IN_SPACE, LOST
+from ..solve.result import Result
 from ..sweep import SweepError, ThisThread, sweep
 from .build import built
 from .read import (
@@ -357,16 +358,10 @@ def _name_of(names: Sequence[str], numbered: tuple[int, Case]) -> str:
 def _run(numbered: tuple[int, Case]) -> dict[str, Any]:
     """Row of a run, without its values."""
     case = numbered[1]
-    with unlogged():
-        try:
-            result, reason = case.run(), ""
-        except StepError as error:
-            result, reason = error.result, _line(error)
-        except ValueError as error:
-            return _end(reason=_line(error))
-        if result.states[-1].load_factor == 0:
-            return _end(reason=reason, solves=result.linear_solves)
-        summary = case.summary(_until_furthest(result, case.scene.driven))
+    furthest = partial(_until_furthest, driven=case.scene.driven)
+    result, summary, reason = run_unlogged(case, furthest)
+    if result is None:
+        return _end(reason=reason)
     return {
         **_figures(summary, result),
         **_end(
@@ -386,10 +381,6 @@ def _until_furthest(result: Result, driven: str) -> Result:
     return replace(result, states=result.states[: int(far.argmax()) + 1])
 
 
-def _line(error: Exception) -> str:
-    return str(error).partition("\n")[0]
-
-
 def _end(
     reached: float = 0.0, reason: str = "", solves: int = 0, warnings: str = ""
 ) -> dict[str, Any]:
@@ -404,7 +395,7 @@ def _figures(summary: Mapping[str, Any], result: Result) -> dict[str, float]:
     """
     figures: dict[str, float] = {}
     parts = mirror_images(result.ply)
-    for one in (Quantity(**fields) for fields in summary["first"]):
+    for one in printed_numbers(summary):
         scale = 100.0 if one.unit == "%" else 1.0
         if one.key == LOST.key and parts in PARTS:
             scale = float(parts)
@@ -414,7 +405,7 @@ def _figures(summary: Mapping[str, Any], result: Result) -> dict[str, float]:
             columns[half_width_of(name)] = f"{one.key}_half_width"
         for column, key in columns.items():
             value = summary.get(key)
-            if one.unit and isinstance(value, int | float):
+            if isinstance(value, int | float):
                 figures[column] = scale * value
     return figures
 
@@ -448,7 +439,12 @@ def axis_of(key: str) -> str:
     --------
     >>> axis_of("tools.holder.force_N"), axis_of("scene.fibres_deg")
     ('Holder force (N)', 'Fibres (°)')
+    >>> axis_of("phases.up.tools.punch.friction")
+    'Punch friction in phase up'
     """
+    if key.startswith("phases."):
+        _, phase, inner = key.split(".", 2)
+        return f"{axis_of(inner)} in phase {phase}"
     words = key.removeprefix("scene.").removeprefix("tools.").removeprefix("*.")
     end = next((end for end in _UNITS if words.endswith(end)), "")
     text = words.removesuffix(end).replace(".", " ").replace("_", " ")

@@ -3,8 +3,7 @@
 Each struct builds its surface and imports the modules for it only then.
 """
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from math import radians
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
 from msgspec import Meta
@@ -20,8 +19,6 @@ from .tables import (
 )
 
 if TYPE_CHECKING:
-    from numpy import ndarray
-
     from ..contact import Holder, Tool
     from ..surfaces.surface import Axes, Surface
 
@@ -187,12 +184,11 @@ class ToolTable(DeclaredTable, tag_field="surface"):
                     "it too"
                 )
             return translation
-        angle = _amount(f"{what}.motion_deg", self.motion_deg)
+        from ..contact.tool import AboutAxis
+
+        angle = _amount(f"{what}.motion_deg", in_radians(self.motion_deg))
         point = self.motion_point_mm - axes.origin
-        axis = self.motion_axis
-        return partial(
-            _moved, translation=translation, degrees=angle, axis=axis, point=point
-        )
+        return AboutAxis(translation, angle, self.motion_axis, point)
 
     def _translation(self, what: str) -> Any:
         rows = self.motion_mm
@@ -205,63 +201,22 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             return rows
         if not all(isinstance(row, tuple) for row in rows):
             raise ValueError(f"{what}.motion_mm contains both rows and numbers")
-        return between_rows(f"{what}.motion_mm", rows)
+        return _amount(f"{what}.motion_mm", rows)
 
 
 def _amount(what: str, amount: Any) -> Any:
-    return between_rows(what, amount) if isinstance(amount, tuple) else amount
+    if not isinstance(amount, tuple):
+        return amount
+    from ..solve.programme import BetweenRows
+
+    return BetweenRows(what, amount)
 
 
-def between_rows(what: str, rows: Any) -> Callable[[float], Any]:
-    """Piecewise linear function of the load factor, constant beyond its rows.
-
-    Parameters
-    ----------
-    what
-        Its name in messages.
-    rows
-        Load factor and values of each row.
-
-    Raises
-    ------
-    ValueError
-        If the load factors do not increase from 0 to 1.
-    """
-    import numpy as np
-
-    factors, *columns = np.array(rows, dtype=float).T
-    if (np.diff(factors) <= 0).any() or factors[0] != 0 or factors[-1] != 1:
-        raise ValueError(
-            f"{what}: the load factors of the rows must increase from 0 to 1, got "
-            f"{', '.join(f'{t:g}' for t in factors)}"
-        )
-    return partial(_interpolated, factors=factors, columns=columns)
-
-
-def _interpolated(t: float, factors: "ndarray", columns: "Sequence[ndarray]") -> Any:
-    """Value, or vector of values, at a load factor."""
-    import numpy as np
-
-    at = [float(np.interp(t, factors, column)) for column in columns]
-    return np.array(at) if len(at) > 1 else at[0]
-
-
-def _moved(
-    t: float, translation: Any, degrees: Any, axis: Vector, point: "ndarray"
-) -> "tuple[ndarray, ndarray]":
-    """Rotation about an axis through a point and then a translation at a load factor.
-
-    Both are final values, or functions of the load factor.
-    """
-    import numpy as np
-
-    from ..contact.tool import rotated_and_moved
-
-    moved, angle = (
-        amount(t) if callable(amount) else t * np.array(amount)
-        for amount in (translation, degrees)
-    )
-    return rotated_and_moved(moved, float(angle), axis, point)
+def in_radians(value: Amount) -> Amount:
+    """An angle, or the angles in rows, in radians."""
+    if isinstance(value, tuple):
+        return tuple((at, radians(angle)) for at, angle in value)
+    return radians(value)
 
 
 class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
@@ -298,7 +253,7 @@ class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
 
         if not any(self.rotation_axis):
             raise ValueError("rotation_axis must not be zero")
-        turn = rotation_matrix(self.rotation_axis, self.rotation_deg)
+        turn = rotation_matrix(self.rotation_axis, radians(self.rotation_deg))
         surface = read_surface(self.source, self.unit)
         return surface.moved(turn.T @ (axes.origin - self.offset_mm), turn.T)
 

@@ -11,6 +11,7 @@ from .gaps import (
 )
 from .figures import (
     formed as formed,
+    phase_table as phase_table,
     tool_forces as tool_forces,
     tool_history as tool_history,
     travel as travel,
@@ -28,7 +29,6 @@ from .phases import (
     OverTravel as OverTravel,
     Phase as Phase,
     Process as Process,
-    phase_table as phase_table,
 )
 from .placed import (
     PlacedTool as PlacedTool,

@@ -7,6 +7,7 @@ the flat one.  H follows from the balance of the pressures with the force of the
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -141,12 +142,15 @@ class MeasuredCompaction(declared.MeasuredCompaction):
 
     def pressure_at(self, thickness: ndarray) -> ndarray:
         """See `CompactionLaw`."""
-        curve = PchipInterpolator(self.thickness[::-1], self.pressure[::-1])
-        thinnest = self.thinnest
+        curve, thinnest = self._curve, self.thinnest
         within = np.clip(thickness, thinnest, self.free)
         thinner = np.minimum(thickness - thinnest, 0.0) * (thinnest / thickness)
         beyond = float(curve(thinnest, 1)) * thinner
         return np.where(thickness < self.free, curve(within) + beyond, 0.0)
+
+    @cached_property
+    def _curve(self) -> PchipInterpolator:
+        return PchipInterpolator(self.thickness[::-1], self.pressure[::-1])
 
 
 class Pressed(NamedTuple):

@@ -28,6 +28,10 @@ from .shape import areal_weight, draw_in, fibre_curvature
 # Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
 _RAYS = (0, 45, 90)
 
+# Ends of the columns of `tool_history` in the table of phases, and digits of a share.
+_TABLED = ("_travel_mm", "_rotation_deg", "_force_N", "_distance_mm")
+_DIGITS = 9
+
 
 def formed(result: Result) -> dict[str, Any]:
     """Figures of the last state of a ply between tools in N, mm and degrees; advice.
@@ -190,6 +194,44 @@ def tool_history(result: Result) -> dict[str, ndarray]:
             distance = [state.parameters[tool.name]["distance"] for state in states]
             columns[f"{tool.name}_distance_mm"] = np.array(distance)
     return columns
+
+
+def phase_table(result: Result, process: Any) -> list[dict[str, Any]]:
+    """Figures at the ends of phases, a row each.
+
+    ``phase``, its name; ``share``, the share of it that is completed, 1 except in the
+    last state of a run that stopped early; ``load_factor``; of each tool
+    ``NAME_travel_mm``, ``NAME_force_N`` and so on, see `tool_history`;
+    ``max_shear_angle_deg``; ``max_draw_in_mm``; ``wrinkle_risk_share_of_area``; and
+    ``energy_lost`` in N·mm, by friction and by laws, if any is lost.
+
+    Parameters
+    ----------
+    result
+        Result of a run of the process.
+    process
+        The `Process`.
+    """
+    ply, history, rows = result.ply, tool_history(result), []
+    columns = {k: x for k, x in history.items() if k.endswith(_TABLED)}
+    for i in process.at_ends(result):
+        state = result.states[i]
+        t, u, name = state.load_factor, state.u, process.phase_at(state.load_factor)
+        risk = wrinkle_risk(ply, u, state.parameters)
+        share = (t - process.begin(name)) * len(process.phases)
+        row: dict[str, Any] = {
+            "phase": name,
+            "share": round(share, _DIGITS),
+            "load_factor": t,
+            **{key: column[i].item() for key, column in columns.items()},
+            "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
+            "max_draw_in_mm": float(draw_in(ply, u).inwards.max()),
+            "wrinkle_risk_share_of_area": share_of_area(ply, risk),
+        }
+        if state.energy_lost:
+            row["energy_lost"] = sum(state.energy_lost.values())
+        rows.append(row)
+    return rows
 
 
 def travels(result: Result) -> dict[str, ndarray]:

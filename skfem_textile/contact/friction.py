@@ -56,7 +56,7 @@ class Friction:
         placement: Callable[[float], tuple[ndarray, ndarray]],
         positions: Callable[[ndarray], ndarray],
     ) -> None:
-        self._coefficient, self._slip = coefficient, slip
+        self._coefficient, self.slip = coefficient, slip
         self._placement, self._positions = placement, positions
 
     def at_rest(self, u: ndarray) -> dict[str, Any]:
@@ -92,16 +92,16 @@ class Friction:
         """Values with the forces after an increment, to first order."""
         y, size = self._slipped(u, t, p)
         dy = self._tangential(self._local(u + du, t) - self._local(u, t), p)
-        slides, m = size > self._slip, y / np.maximum(size, TINY)
+        slides, m = size > self.slip, y / np.maximum(size, TINY)
         turned = np.where(slides, p["predicted"] * (m * dy).sum(axis=0), 0.0)
-        force = (p["bound"] * (y + dy) - turned) / np.maximum(size, self._slip)
+        force = (p["bound"] * (y + dy) - turned) / np.maximum(size, self.slip)
         return Values({**p, "predicted": _within(force, p["bound"])})
 
     def advanced(self, p: Values, u: ndarray, t: float) -> Values:
         """Values after a step, at its converged displacement."""
         y, size = self._slipped(u, t, p)
         force, x = self._force(u, t, p), self._local(u, t)
-        slid = y * np.maximum(1 - self._slip / np.maximum(size, TINY), 0.0)
+        slid = y * np.maximum(1 - self.slip / np.maximum(size, TINY), 0.0)
         work = p["work"] + (force * slid).sum()
         return Values({**p, "slips_from": x, "shear": force, "work": work})
 
@@ -118,18 +118,18 @@ class Friction:
     def stiffness(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Its derivative with σ, in N/mm, shape (3, 3, n_nodes)."""
         y, size = self._slipped(u, t, p)
-        slides, m = size > self._slip, y / np.maximum(size, TINY)
+        slides, m = size > self.slip, y / np.maximum(size, TINY)
         n, sigma = p["normal"], np.where(slides, _within(p["predicted"], p["bound"]), 0)
         along = np.eye(3)[:, :, None] - n[:, None] * n
         turned = sigma[:, None] * m
         K = p["bound"] * along - 0.5 * (turned + turned.swapaxes(0, 1))
         rotation, _ = self._placement(t)
-        K = K / np.maximum(size, self._slip)
+        K = K / np.maximum(size, self.slip)
         return np.einsum("ai,ijn,bj->abn", rotation, K, rotation)
 
     def _force(self, u: ndarray, t: float, p: Values) -> ndarray:
         y, size = self._slipped(u, t, p)
-        return p["bound"] * y / np.maximum(size, self._slip)
+        return p["bound"] * y / np.maximum(size, self.slip)
 
     def _slipped(self, u: ndarray, t: float, p: Values) -> tuple[ndarray, ndarray]:
         """Slip y and its magnitude in mm."""
@@ -140,12 +140,12 @@ class Friction:
     def _elastic(self, p: Values) -> ndarray:
         """Elastic slip ε s/b at the last state."""
         shear, bound = self._tangential(p["shear"], p), p["bound"]
-        return self._slip * _within(shear, bound) / np.where(bound > 0, bound, 1.0)
+        return self.slip * _within(shear, bound) / np.where(bound > 0, bound, 1.0)
 
     def _height(self, size: ndarray) -> ndarray:
         """Huber's function h of the magnitude of a slip."""
-        elastic = np.minimum(size, self._slip)
-        return elastic**2 / (2 * self._slip) + size - elastic
+        elastic = np.minimum(size, self.slip)
+        return elastic**2 / (2 * self.slip) + size - elastic
 
     def _local(self, u: ndarray, t: float) -> ndarray:
         rotation, translation = self._placement(t)

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 # 2.5 % of it.
 _CHECKED = 41
 
+#: Thicknesses at which laws of compaction are validated and compared, relative to the
+#: one without pressure: plies are compacted to about half of it.
+COMPARED = np.linspace(0.4, 1.0, 13)
+
 #: A number, or a function of the load factor that returns one.
 Amount: TypeAlias = float | Callable[[float], float]
 
@@ -146,10 +150,17 @@ class HolderPressure(ToolTerm):
         self.parameters = self._pressed_areas = _Pressed(self, obstacle, basis)
 
     def amounts_at(self, t: float) -> dict[str, ndarray]:
-        """See `ToolTerm.amounts_at`; also pressure or force."""
-        amount = self.rigid.force if self.rigid else self._pressure
-        name = "force" if self.rigid else "pressure"
-        return super().amounts_at(t) | {name: np.asarray(amount(t))}
+        """See `ToolTerm.amounts_at`; also pressure, or force and law of compaction."""
+        values = super().amounts_at(t)
+        if not self.rigid:
+            return values | {"pressure": np.asarray(self._pressure(t))}
+        law = self.rigid.law
+        thickness = law.free * COMPARED
+        curve = np.array([thickness, law.pressure_at(thickness)])
+        return values | {
+            "force": np.asarray(self.rigid.force(t)),
+            "law of compaction": curve,
+        }
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
@@ -242,9 +253,15 @@ def function_of(
     Before a run at equal intervals, and at the ends of phases.
     """
     at = partial(_amount_at, what, amount, (least, most), unit)
-    for t in (*np.linspace(0.0, 1.0, _CHECKED), *getattr(amount, "load_factors", ())):
-        at(float(t))
+    for t in validated_at(amount):
+        at(t)
     return at
+
+
+def validated_at(amount: Amount | None) -> list[float]:
+    """Load factors at which an amount is validated before a run."""
+    equal = np.linspace(0.0, 1.0, _CHECKED).tolist()
+    return [*equal, *getattr(amount, "load_factors", ())]
 
 
 def _amount_at(
@@ -258,7 +275,9 @@ def _amount_at(
     if callable(amount):
         value = call_user_function(what, amount, t)
     number = real_numbers(what, value)
-    if number.shape or not (np.isfinite(number) and least <= number <= most):
+    boolean = isinstance(value, bool | np.bool_)
+    valid = np.isfinite(number) and least <= number <= most
+    if number.shape or boolean or not valid:
         size = (
             f"of at least {least:g}"
             if most == np.inf

@@ -438,7 +438,7 @@ class ToolTerm(ElementTerm):
         self.friction = Friction(coefficient, slip, place, at)
 
     def amounts_at(self, t: float) -> dict[str, ndarray]:
-        """Placement, gap and friction at a load factor, compared by checkpoints."""
+        """Placement, gap, friction and slip at a load factor, for checkpoints."""
         values: dict[str, Any] = {
             "motion": np.vstack(self._obstacle.placement(t)),
         }
@@ -446,6 +446,7 @@ class ToolTerm(ElementTerm):
             values["gap"] = self._obstacle.reach(t)
         if self.friction:
             values["friction"] = self.friction.bound(t, np.ones(()))
+            values["elastic slip"] = np.array(self.friction.slip)
         return values
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
@@ -482,10 +483,13 @@ class ToolTerm(ElementTerm):
         return now - first
 
     def rotation(self, t: float) -> float:
-        """Angle of the rotation from the initial position in radians, at most π.
+        """Angle of the rotation from the initial position in radians.
 
-        From ‖R − R₀‖² = 8 sin²(θ/2), which is accurate for small angles too.
+        It is at most π if the motion is a function that returns matrices: then from
+        ‖R − R₀‖² = 8 sin²(θ/2), which is accurate for small angles too.
         """
+        if angle := getattr(self._obstacle.motion, "angle", None):
+            return abs(float(angle(t) - angle(0.0)))
         (first, _), (now, _) = map(self._obstacle.placement, (0.0, t))
         sine = np.linalg.norm(now - first) / np.sqrt(8)
         return 2 * float(np.arcsin(min(sine, 1.0)))

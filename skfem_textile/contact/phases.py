@@ -8,6 +8,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from numbers import Real
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -15,8 +16,9 @@ from numpy import ndarray
 
 from ..mesh.user_input import real_numbers, shortened
 from ..solve.continuation import ends_of_parts
+from ..solve.programme import interpolated, refuse_turns
 from ..solve.result import Result
-from .tool import MOST_FRICTION, Holder, Tool, rotated_and_moved
+from .tool import MOST_FRICTION, AboutAxis, Holder, Tool
 
 
 @dataclass(frozen=True)
@@ -70,18 +72,23 @@ class Phase:
 
 
 class _Quantity(NamedTuple):
-    """Number of components, unit, limits, and whether it may jump between phases."""
+    """Number of components, unit and limits of what phases state.
+
+    ``jumps`` if it may jump between phases, ``moves`` if it is part of a motion, whose
+    travel other quantities may follow.
+    """
 
     components: int = 1
     unit: str = ""
     least: float = -np.inf
     most: float = np.inf
     jumps: bool = False
+    moves: bool = False
 
 
 _QUANTITIES = {
-    "motion": _Quantity(3, " mm"),
-    "rotation": _Quantity(1, " rad"),
+    "motion": _Quantity(3, " mm", moves=True),
+    "rotation": _Quantity(1, " rad", moves=True),
     "gap": _Quantity(1, " mm", 0.0),
     "pressure": _Quantity(1, " N/mm2", 0.0),
     "force": _Quantity(1, " N", 0.0),
@@ -129,9 +136,7 @@ class InPhases:
         rows, along = self._pieces[phase]
         first, last = self._ends[phase : phase + 2]
         x = along(t) if along else (t - first) / (last - first)
-        at, *columns = rows.T
-        values = [float(np.interp(x, at, column)) for column in columns]
-        return np.array(values) if values[1:] else values[0]
+        return interpolated(rows, x)
 
     @property
     def load_factors(self) -> list[float]:
@@ -149,33 +154,6 @@ class InPhases:
                 f"a step must end where a phase ends: use the steps of the process, "
                 f"{self._steps}"
             )
-
-
-@dataclass(frozen=True)
-class _Moving:
-    """Rotation about an axis through a point, then a translation, in phases."""
-
-    translation: Callable[[float], ndarray]
-    rotation: InPhases
-    axis: Sequence[float]
-    point: ndarray
-
-    def __call__(self, t: float) -> tuple[ndarray, ndarray]:
-        """Rotation matrix about the origin, and translation, at a load factor."""
-        moved, angle = self.translation(t), self.rotation(t)
-        return rotated_and_moved(moved, np.degrees(angle), self.axis, self.point)
-
-    @property
-    def load_factors(self) -> list[float]:
-        """See `InPhases.load_factors`."""
-        both = (
-            getattr(x, "load_factors", ()) for x in (self.translation, self.rotation)
-        )
-        return sorted({t for factors in both for t in factors})
-
-    def check_steps(self, load_factors: Sequence[float]) -> None:
-        """See `InPhases.check_steps`."""
-        self.rotation.check_steps(load_factors)
 
 
 class Process:
@@ -241,14 +219,17 @@ class Process:
         axes: Mapping[str, tuple[Sequence[float], Any]] | None = None,
     ) -> None:
         self.phases, tools = _listed("phases", phases), _listed("tools", tools)
-        _refuse_phases(self.phases, [tool.name for tool in tools])
+        names, axes = [tool.name for tool in tools], axes or {}
+        _refuse_phases(self.phases, names)
+        for name in axes:
+            _refuse_unknown_tool("axes", name, names)
         self.names = [phase.name for phase in self.phases]
         self.steps = tuple(phase.steps for phase in self.phases)
         self._ends = ends_of_parts(len(self.phases))
-        moving = [self._moving(tool, (axes or {}).get(tool.name)) for tool in tools]
+        moving = [self._moving(tool, axes.get(tool.name)) for tool in tools]
         self._travels = {x.name: partial(_travel, motion=x.motion) for x in moving}
         self.tools = tuple(map(self._changing, moving))
-        self.loads = self._amount("loads", 0.0, [x.loads for x in self.phases])
+        self.loads = self._amount("loads", None, 0.0, [x.loads for x in self.phases])
 
     def begin(self, name: str) -> float:
         """Load factor at which a phase begins.
@@ -279,10 +260,10 @@ class Process:
     def _moving(self, tool: Any, axis: Any) -> Any:
         """A tool with the motion that the phases state."""
         stated = [phase.tools.get(tool.name, {}) for phase in self.phases]
-        what = f"motion of {tool.name!r}"
-        motion = self._amount(what, np.zeros(3), [x.get("motion") for x in stated])
-        what = f"rotation of {tool.name!r}"
-        rotation = self._amount(what, 0.0, [x.get("rotation") for x in stated])
+        motion, rotation = (
+            self._amount(quantity, tool.name, start, [x.get(quantity) for x in stated])
+            for quantity, start in (("motion", np.zeros(3)), ("rotation", 0.0))
+        )
         if motion is None and rotation is None:
             return tool
         if callable(tool.motion) or (tool.motion is not None and np.any(tool.motion)):
@@ -292,9 +273,8 @@ class Process:
             )
         if rotation is None:
             return replace(tool, motion=motion)
-        direction, point = axis or ((0.0, 0.0, 1.0), np.zeros(3))
-        moved = _Moving(motion or _unmoved, rotation, direction, np.asarray(point))
-        return replace(tool, motion=moved)
+        axis = _axis(tool.name, axis or ((0.0, 0.0, 1.0), np.zeros(3)))
+        return replace(tool, motion=AboutAxis(motion or np.zeros(3), rotation, *axis))
 
     def _changing(self, tool: Any) -> Any:
         """A tool with the friction, and gap, pressure or force, of the phases."""
@@ -319,27 +299,26 @@ class Process:
                     f"{where} has a {quantity} that is a function of the load factor, "
                     f"and another in phases: state its {quantity} at the start"
                 )
-            changed[quantity] = self._amount(
-                f"{quantity} of {tool.name!r}", start, stated
-            )
+            changed[quantity] = self._amount(quantity, tool.name, start, stated)
         return replace(tool, **changed)
 
     def _amount(
-        self, of: str, start: Any, stated: Sequence[InPhase | None]
+        self, name: str, tool: str | None, start: Any, stated: Sequence[InPhase | None]
     ) -> InPhases | None:
         """Amount by its values in each phase; None if no phase states it.
 
-        ``of`` is the quantity and its tool in messages, ``start`` the value before the
-        first phase.
+        ``name`` is the one of the quantity, ``tool`` None for loads, and ``start`` the
+        value before the first phase.
         """
         if all(value is None for value in stated):
             return None
-        quantity, amount = _QUANTITIES[of.partition(" ")[0]], InPhases(self.steps)
+        quantity, amount = _QUANTITIES[name], InPhases(self.steps)
         before, left = np.ravel(start), "before it is"
+        of = name if tool is None else f"{name} of {tool!r}"
         for k, (phase, value) in enumerate(zip(self.phases, stated, strict=True)):
             what = f"phase {phase.name!r}: {of}"
             given = before if value is None else value
-            amount.append(*self._rows(what, given, before, quantity, phase.steps))
+            amount.append(*self._rows(what, given, before, quantity, k))
             begins = np.ravel(amount.value(k, self._ends[k]))
             if not (quantity.jumps or np.allclose(begins, before, _SAME, _SAME)):
                 raise ValueError(
@@ -351,11 +330,17 @@ class Process:
         return amount
 
     def _rows(
-        self, what: str, value: Any, before: ndarray, of: _Quantity, steps: int
+        self, what: str, value: Any, before: ndarray, of: _Quantity, phase: int
     ) -> tuple[ndarray, Callable[[float], float] | None]:
         """Rows of one phase and what they are along, see `InPhases.append`."""
+        shares = np.linspace(0.0, 1.0, self.steps[phase] + 1)
         if isinstance(value, OverTravel):
-            if value.tool not in self._travels:
+            if of.moves:
+                raise ValueError(
+                    f"{what} does not follow the travel of a tool: state its value at "
+                    "the end of the phase, or rows of the share of the phase"
+                )
+            if value.tool not in [*self._travels]:
                 raise ValueError(
                     f"{what}: there is no tool {shortened(value.tool)} whose travel is "
                     f"known: choose from {', '.join(self._travels)}"
@@ -366,63 +351,21 @@ class Process:
                     f"{what}: the travels of the rows must increase from 0 mm, got "
                     f"{_text(rows[:, 0])}"
                 )
-            return rows, self._travels[value.tool]
+            along, (first, last) = self._travels[value.tool], self._ends[phase:][:2]
+            travels = [along(t) for t in first + (last - first) * shares]
+            refuse_turns(what, "travel {:g} mm", rows, np.array(travels))
+            return rows, along
         value = value.tolist() if isinstance(value, ndarray) else value  # or a number
         if isinstance(value, _ROWS) and len(value) and isinstance(value[0], _ROWS):
-            return _of_shares(what, _array(what, value, of), before, steps), None
+            rows = _of_shares(what, _array(what, value, of), before)
+            refuse_turns(what, "share {:g}", rows, shares)
+            return rows, None
         given = np.ravel(np.asarray(value, dtype=object)).tolist()
         if len(given) != of.components:
             raise _wrong(what, value, of)
         end = _array(what, [[0.0, *given]], of)[0, 1:]
         begin = end if of.jumps else before
         return np.array([[0.0, *begin], [1.0, *end]]), None
-
-
-def phase_table(result: Result, process: Process) -> list[dict[str, Any]]:
-    """Figures at the ends of phases, a row each.
-
-    ``phase``, its name; ``share``, the share of it that is completed, 1 except in the
-    last state of a run that stopped early; ``load_factor``; of each tool
-    ``NAME_travel_mm``, ``NAME_force_N`` and so on, see `tool_history`;
-    ``max_shear_angle_deg``; ``max_draw_in_mm``; ``wrinkle_risk_share_of_area``; and
-    ``energy_lost`` in N·mm, by friction and by laws, if any is lost.
-
-    Parameters
-    ----------
-    result
-        Result of a run of the process.
-    process
-        The process.
-    """
-    from .figures import tool_history
-    from .risks import share_of_area, wrinkle_risk
-    from .shape import draw_in
-
-    ply, history, rows = result.ply, tool_history(result), []
-    columns = {k: x for k, x in history.items() if k.endswith(_TABLED)}
-    for i in process.at_ends(result):
-        state = result.states[i]
-        t, u, name = state.load_factor, state.u, process.phase_at(state.load_factor)
-        risk = wrinkle_risk(ply, u, state.parameters)
-        share = (t - process.begin(name)) * len(process.phases)
-        row: dict[str, Any] = {
-            "phase": name,
-            "share": round(share, _DIGITS),
-            "load_factor": t,
-            **{key: column[i].item() for key, column in columns.items()},
-            "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
-            "max_draw_in_mm": float(draw_in(ply, u).inwards.max()),
-            "wrinkle_risk_share_of_area": share_of_area(ply, risk),
-        }
-        if state.energy_lost:
-            row["energy_lost"] = sum(state.energy_lost.values())
-        rows.append(row)
-    return rows
-
-
-# Ends of the columns of `tool_history` in the table of phases, and digits of a share.
-_TABLED = ("_travel_mm", "_rotation_deg", "_force_N", "_distance_mm")
-_DIGITS = 9
 
 
 def _listed(what: str, given: Any) -> tuple[Any, ...]:
@@ -465,11 +408,7 @@ def _refuse_unknown(what: str, stated: Any, tools: Sequence[str]) -> None:
         )
     known = *_OF_TOOLS, *_OF_HOLDERS
     for tool, changes in stated.items():
-        if tool not in tools:
-            raise ValueError(
-                f"{what}: there is no tool {shortened(tool)}: choose from "
-                f"{', '.join(tools)}"
-            )
+        _refuse_unknown_tool(what, tool, tools)
         if not isinstance(changes, Mapping):
             raise ValueError(
                 f"{what}: changes of {tool!r} must be a dictionary with some of "
@@ -481,6 +420,34 @@ def _refuse_unknown(what: str, stated: Any, tools: Sequence[str]) -> None:
                     f"{what}: tool {tool!r} has no {shortened(quantity)}: choose "
                     f"from {', '.join(known)}"
                 )
+
+
+def _refuse_unknown_tool(what: str, tool: Any, tools: Sequence[str]) -> None:
+    if tool not in tools:
+        raise ValueError(
+            f"{what}: there is no tool {shortened(tool)}: choose from "
+            f"{', '.join(tools)}"
+        )
+
+
+def _axis(name: str, axis: Any) -> tuple[ndarray, ndarray]:
+    """Validated direction of an axis, and point on it."""
+    what = f"axis of {name!r}"
+    try:
+        direction, point = (real_numbers(what, x) for x in axis)
+        valid = (
+            direction.shape == point.shape == (3,)
+            and np.isfinite([direction, point]).all()
+            and direction.any()
+        )
+    except (TypeError, ValueError):
+        valid = False
+    if not valid:
+        raise ValueError(
+            f"{what} must be a direction, not zero, and a point on it, each three "
+            f"numbers, got {shortened(axis)}"
+        )
+    return direction, point
 
 
 def _wrong(what: str, value: Any, of: _Quantity) -> ValueError:
@@ -495,11 +462,17 @@ def _wrong(what: str, value: Any, of: _Quantity) -> ValueError:
 def _array(what: str, rows: Any, of: _Quantity) -> ndarray:
     """Validated rows, shape (n, 1 + components)."""
     try:
-        array = np.array([np.hstack(row) for row in rows], dtype=float)
+        entries = [
+            np.hstack([np.asarray(x, dtype=object) for x in row]) for row in rows
+        ]
     except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.ndim != 2 or array.shape[1] != 1 + of.components:
+        entries = []
+    known = {1 + of.components} == {x.size for x in entries}
+    if not known or any(
+        isinstance(x, bool) or not isinstance(x, Real) for row in entries for x in row
+    ):
         raise _wrong(what, rows, of)
+    array = np.array(entries, dtype=float)
     if not np.isfinite(array).all():
         raise ValueError(f"{what} must be finite, got {shortened(rows)}")
     if (
@@ -514,22 +487,15 @@ def _array(what: str, rows: Any, of: _Quantity) -> ndarray:
     return array
 
 
-def _of_shares(what: str, rows: ndarray, before: ndarray, steps: int) -> ndarray:
-    """Rows of shares from 0 to 1; refused if they turn back within a step."""
+def _of_shares(what: str, rows: ndarray, before: ndarray) -> ndarray:
+    """Rows of shares from 0 to 1."""
     shares = rows[:, 0]
     if (np.diff(shares) <= 0).any() or shares[0] < 0 or shares[-1] != 1:
         raise ValueError(
             f"{what}: the shares of the rows must increase to 1, got {_text(shares)}"
         )
     if shares[0] > 0:
-        rows = np.vstack([[0.0, *before], rows])
-    change = np.diff(rows[:, 1:], axis=0)
-    for share in rows[1:-1, 0][(change[:-1] * change[1:] < 0).any(axis=1)]:
-        if abs(share * steps - round(share * steps)) > _SAME * steps:
-            raise ValueError(
-                f"{what} turns back at the share {share:g}, within one of {steps} "
-                "steps: choose a number of steps of which one ends there"
-            )
+        return np.vstack([[0.0, *before], rows])
     return rows
 
 
@@ -540,11 +506,6 @@ def _text(values: ndarray, of: _Quantity | None = None) -> str:
         if of and values.size > 1
         else f"{text}{of.unit if of else ''}"
     )
-
-
-def _unmoved(t: float) -> ndarray:
-    """Translation of zero."""
-    return np.zeros(3)
 
 
 def _travel(t: float, motion: Any) -> float:

@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike
 from skfem import CellBasis
 
 from ..fabric.law import number
-from ..mesh.user_input import keep_copies, shortened
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
-from .holder import Amount, HolderPressure, function_of
+from .holder import COMPARED, Amount, HolderPressure, function_of, validated_at
 from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
+from .outline import ROUND_OFF
 
 if TYPE_CHECKING:
     from .compaction import CompactionLaw, RigidHolder
@@ -193,7 +194,11 @@ class Holder:
         term: ToolContact | HolderPressure
         if self.gap is None:
             obstacle = Obstacle.of(self, basis, no_reach)
-            term = HolderPressure(self.name, self._pressure(what), obstacle, basis)
+            pressure = self._pressure(what)
+            term = HolderPressure(self.name, pressure, obstacle, basis)
+            if self.force is not None:
+                most = max(validated_at(self.force), key=term.rigid.force)
+                term.reaches(basis.zeros(), most)  # with a law that carries the force
         else:
             reach = function_of(f"{what}: gap", self.gap, self.thickness, " mm")
             term = FormingContact(self.name, Obstacle.of(self, basis, reach), basis)
@@ -215,8 +220,26 @@ class Holder:
                 f"{what}: compaction must be a law of compaction, such as "
                 f"Compaction(0.3, 1e-3, 8.0), got {shortened(self.compaction)}"
             )
+        _check_compaction(f"{what}: law of compaction", self.compaction)
         force = function_of(f"{what}: force", self.force, 0.0, " N")
         return RigidHolder(force, self.compaction)
+
+
+def _check_compaction(what: str, law: "CompactionLaw") -> None:
+    """Refuse a law without a finite pressure that falls to zero at ``free``."""
+    thickness = number(f"{what}: free", law.free, above=0) * COMPARED
+    found = call_user_function(what, law.pressure_at, thickness)
+    p = real_numbers(what, found)
+    if p.shape != thickness.shape or not np.isfinite(p).all():
+        raise ValueError(
+            f"{what}: the pressure must be finite, a number for each thickness, got "
+            f"{shortened(found)}"
+        )
+    if (np.diff(p) > 0).any() or abs(p[-1]) > ROUND_OFF * p[0]:
+        raise ValueError(
+            f"{what}: the pressure must fall with the thickness, to 0 at {law.free:g} "
+            f"mm, got {p[0]:.4g} to {p[-1]:.4g} N/mm2"
+        )
 
 
 _Term = TypeVar("_Term", bound=ToolTerm)
@@ -225,38 +248,59 @@ _Term = TypeVar("_Term", bound=ToolTerm)
 MOST_FRICTION = 2.0
 
 
-def rotated_and_moved(
-    translation: ndarray, degrees: float, axis: Sequence[float], point: ndarray
-) -> tuple[ndarray, ndarray]:
+@dataclass(frozen=True)
+class AboutAxis:
     """Motion of a tool: rotation about an axis through a point, then a translation.
 
     Parameters
     ----------
     translation
-        Translation in mm, shape (3,).
-    degrees
-        Angle in degrees, counterclockwise if the axis points to the viewer.
+        Translation in mm, reached in proportion to the load factor, or a function.
+    rotation
+        Angle in radians in the same way, counterclockwise if the axis points to the
+        viewer.
     axis
         Direction of the axis, of any length.
     point
         Point on it in mm, shape (3,).
-
-    Returns
-    -------
-    tuple
-        Rotation matrix about the origin, and translation.
     """
-    turn = rotation_matrix(axis, degrees)
-    return turn, point - turn @ point + translation
+
+    translation: Any
+    rotation: Amount
+    axis: Sequence[float]
+    point: ndarray
+
+    def angle(self, t: float) -> float:
+        """Angle in radians at a load factor."""
+        return self.rotation(t) if callable(self.rotation) else t * self.rotation
+
+    def __call__(self, t: float) -> tuple[ndarray, ndarray]:
+        """Rotation matrix about the origin, and translation, at a load factor."""
+        moved = self.translation
+        moved = moved(t) if callable(moved) else t * np.array(moved)
+        turn = rotation_matrix(self.axis, self.angle(t))
+        return turn, self.point - turn @ self.point + moved
+
+    @property
+    def load_factors(self) -> list[float]:
+        """See `InPhases.load_factors`."""
+        both = self.translation, self.rotation
+        return sorted({t for one in both for t in getattr(one, "load_factors", ())})
+
+    def check_steps(self, load_factors: Sequence[float]) -> None:
+        """Refuse steps for which the translation or rotation is not valid."""
+        for one in (self.translation, self.rotation):
+            if check := getattr(one, "check_steps", None):
+                check(load_factors)
 
 
-def rotation_matrix(axis: Sequence[float], degrees: float) -> ndarray:
-    """Matrix of a rotation about an axis of any length, shape (3, 3)."""
+def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
+    """Matrix of a rotation in radians about an axis of any length, shape (3, 3)."""
     from scipy.spatial.transform import Rotation
 
     unit = np.array(axis) / np.abs(axis).max()
     unit /= np.linalg.norm(unit)
-    return np.asarray(Rotation.from_rotvec(degrees * unit, degrees=True).as_matrix())
+    return np.asarray(Rotation.from_rotvec(angle * unit).as_matrix())
 
 
 def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:

@@ -126,11 +126,11 @@ def singular_fibres(
     """Fibres across which the shear angle may jump.
 
     They start at the ends of held, partly held or driven edges, at kinks of a
-    prescribed motion, at named points, at ends and jumps of loads, at re-entrant
-    corners, at corners and ends of borders between regions, and where a fibre grazes
-    the outline or a hole.  Held edges reflect them into the other family; borders
-    reflect and transmit them.  Corners that turn by less than `CORNER` approximate a
-    curve.
+    prescribed motion, at named points, at ends and jumps of loads, at ends of clamps,
+    at re-entrant corners, at corners and ends of borders between regions, and where a
+    fibre grazes the outline or a hole.  Held edges reflect them into the other family;
+    borders reflect and transmit them.  Corners that turn by less than `CORNER`
+    approximate a curve.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def singular_fibres(
         Conditions by name; each ``where`` is the name of edges or of a point of the
         outline, or a function of position.
     loads
-        Tractions and forces; no fibres start at other terms.
+        Tractions, forces and clamps; no fibres start at other terms.
     fabrics
         Fabrics of regions of the outline by name; other regions have ``fabric``.
     finest

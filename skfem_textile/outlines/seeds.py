@@ -9,6 +9,7 @@ import shapely
 from numpy import ndarray
 from scipy.spatial import KDTree
 
+from .. import declarations as declared
 from ..mesh.user_input import call_user_function, coords
 from ..ply.loads import BodyForce, Force, Pressure, Traction
 from ..solve.conditions import Condition, Conditions
@@ -269,6 +270,9 @@ def seeds_of_conditions(
                 )
         elif isinstance(load, Force):
             what, where = load.name or "force", load.where  # type: ignore[assignment]
+        elif isinstance(load, declared.Clamp):
+            seeds += _of_clamp(load, outline, near)
+            continue
         else:
             if not isinstance(load, BodyForce | Pressure):
                 found.others.append(getattr(load, "name", type(load).__name__))
@@ -285,6 +289,17 @@ def seeds_of_conditions(
 def _of_part(part: Part, label: str, near: float) -> list[Seed]:
     ends = [Seed(x, f"end of {label}") for x in part.ends(near)]
     return ends + [Seed(x, f"point {name}") for name, x in part.points.items()]
+
+
+def _of_clamp(clamp: Any, outline: Outline, near: float) -> list[Seed]:
+    """Seeds at the ends of the part of an edge that a clamp holds."""
+    what = f"clamp {clamp.name!r}"
+    part = part_of(what, clamp.edge, outline)
+    seeds = [x for x in _of_part(part, what, near) if clamp.inside(x.point[:, None])]
+    for ends in part.runs(near, NEAR):
+        jumps = _jumps(what, lambda x: (clamp.inside(x), 0.0), *ends)
+        seeds += [Seed(x, f"end of {what}") for x in jumps]
+    return seeds
 
 
 def _of_motion(

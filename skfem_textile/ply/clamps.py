@@ -13,7 +13,6 @@ ply releases on its way to its equilibrium without the clamp.
 
 import logging
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,9 +27,9 @@ from ..fabric.law import number
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import selected_nodes, turned_where
 from ..mesh.splitting import was_split
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
+from ..mesh.user_input import keep_copies, real_numbers, shortened
 from .parameters import NO_VALUES, TermParameters, Values
-from .terms import SupportTerm, named_edges
+from .terms import Term, named_edges
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +55,7 @@ class Clamp(declared.Clamp):
         Force in N along the direction with which the clamp pulls the undeformed edge.
     within
         Rectangle (smallest x and y, largest x and y) in mm: the clamp holds the edges
-        within it; or a function of position ``(2, n) -> (n,) bool``.
+        within it.
     name
         Name of the term, of the force of the clamp, and of the travel of its edge.
 
@@ -141,9 +140,8 @@ class Clamp(declared.Clamp):
         if isinstance(self.edge, str):
             where = f"on {self.edge!r}"
         if self.within is not None:
-            inside = self._inside(what, mesh.p)
-            facets = facets[inside[mesh.facets[:, facets]].all(axis=0)]
             where += " within its rectangle"
+        facets = facets[self.inside(mesh.p)[mesh.facets[:, facets]].all(axis=0)]
         if not facets.size:
             raise ValueError(
                 f"{what}: the mesh has no edge of the boundary {where}: choose at "
@@ -151,17 +149,13 @@ class Clamp(declared.Clamp):
             )
         return facets
 
-    def _inside(self, what: str, X: ndarray) -> ndarray:
-        """True for positions, shape (2, n), within the rectangle."""
-        what = f"{what}: within"
-        if callable(self.within):
-            inside = np.asarray(call_user_function(what, self.within, X))
-            if inside.shape != X.shape[1:] or inside.dtype != bool:
-                raise ValueError(
-                    f"{what} must return one bool for each of {X.shape[1]} positions, "
-                    f"got {shortened(inside)}"
-                )
-            return inside
+    def inside(self, X: ndarray) -> ndarray:
+        """True for positions, shape (2, n), within the rectangle if there is one."""
+        if self.within is None:
+            return np.ones(X.shape[1], dtype=bool)
+        if callable(self.within):  # the rectangle of a clamp that was turned
+            return self.within(X)
+        what = f"clamp {self.name!r}: within"
         box = real_numbers(what, self.within)
         if box.shape != (4,) or not (box[:2] < box[2:]).all():
             raise ValueError(
@@ -174,10 +168,7 @@ class Clamp(declared.Clamp):
         """The same clamp after a rotation Q of the problem in its plane."""
         within, direction = self.within, self.direction
         if within is not None:
-            inside = within
-            if not callable(inside):
-                inside = partial(self._inside, f"clamp {self.name!r}")
-            within = turned_where(inside, Q)
+            within = turned_where(self.inside, Q)
         if direction is not None:
             direction = Q @ direction
         edge = turned_where(self.edge, Q)
@@ -186,12 +177,12 @@ class Clamp(declared.Clamp):
 
 def _in_rectangle(X: ndarray, box: ndarray) -> ndarray:
     """True for points within a rectangle or, within round-off, on its sides."""
-    off = 1e-9 * float(np.ptp(X))
+    off = 1e-9 * float(np.ptp([*X.ravel(), *box[np.isfinite(box)]]))
     low, high = box[:2, None] - off, box[2:, None] + off
     return np.asarray(((low <= X) & (high >= X)).all(axis=0))
 
 
-class ClampTerm(SupportTerm):
+class ClampTerm(Term):
     """Term of `Clamp`.
 
     Attributes
@@ -201,6 +192,7 @@ class ClampTerm(SupportTerm):
     """
 
     role = "internal"
+    release: float
 
     def __init__(
         self,
@@ -241,12 +233,12 @@ class ClampTerm(SupportTerm):
         return "" if self._size == basis.N else "it belongs to another basis"
 
     def force(self, u: ndarray, p: Values) -> ndarray:
-        """See `SupportTerm.force`."""
+        """Resultant on the ply in N, shape (d,)."""
         of_nodes: ndarray = self.residual(u, 0.0, p).reshape(-1, self._d)
         return 0.0 - of_nodes.sum(axis=0)
 
     def travel(self, u: ndarray) -> ndarray:
-        """Mean displacement of the edge in mm; see `SupportTerm.travel`."""
+        """Mean displacement of the edge in mm, shape (d,)."""
         moved: ndarray = self._weights @ u.reshape(-1, self._d)
         return moved
 

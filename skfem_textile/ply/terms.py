@@ -60,6 +60,9 @@ class Term(Protocol):
         kinks or steep walls, such as contact, where full increments overshoot.
     balances
         True for a load that leaves the supports of the ply without reactions.
+    release
+        Resultant in N at which a clamp lets go, infinite if it never does; None for
+        other terms.
     """
 
     name: str
@@ -67,6 +70,7 @@ class Term(Protocol):
     parameters: TermParameters | None = None
     line_search: bool = False
     balances: bool = False
+    release: float | None = None
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Energy in N·mm; for a load its potential, −F·u for a constant force F."""
@@ -198,26 +202,6 @@ class ContactTerm(ElementTerm):
 
     def passed(self, u_0: ndarray, t_0: float, u: ndarray, t: float) -> ndarray:
         """Numbers of nodes that pass through the tool between two states."""
-        raise NotImplementedError
-
-
-class SupportTerm(Term):
-    """Support by forces, such as a clamp, which reports a reaction and its travel.
-
-    Attributes
-    ----------
-    release
-        Magnitude of its force in N at which it lets go; infinite if it never does.
-    """
-
-    release: float
-
-    def force(self, u: ndarray, p: Values) -> ndarray:
-        """Resultant on the ply in N, shape (d,)."""
-        raise NotImplementedError
-
-    def travel(self, u: ndarray) -> ndarray:
-        """Mean displacement of its nodes in mm, shape (d,)."""
         raise NotImplementedError
 
 

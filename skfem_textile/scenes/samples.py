@@ -1,7 +1,7 @@
 """A case repeated with the laws of further specimens of its fabric, and bands."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -169,33 +169,49 @@ def _figures(case: Case, sample: tuple[int, Fabric]) -> dict[str, Any]:
     fibres = case.fabric
     fabric = replace(sample[1], warp=fibres.warp, weft=fibres.weft)
     case = replace(case, fabric=fabric)
-    with unlogged():
-        try:
-            result = case.run()
-        except (StepError, ValueError) as error:
-            return {"stopped": str(error).partition("\n")[0]}
-        # The error interval is a property of the mesh: the run has one.
-        result = replace(result, interval=_no_interval)
-        summary = case.summary(result)
+    # The error interval is a property of the mesh: the run has one.
+    without_interval = partial(replace, interval=_no_interval)
+    result, summary, stopped = run_unlogged(case, without_interval)
+    if result is None or stopped:
+        return {"stopped": stopped}
     return {
-        "figures": printed_figures(summary),
+        "figures": {x.key: float(summary[x.key]) for x in printed_numbers(summary)},
         "curve": _curve(case, result),
         "warnings": len(summary.get("warnings", ())),
     }
+
+
+def run_unlogged(
+    case: Case, shown: Callable[[Result], Result]
+) -> tuple[Result | None, dict[str, Any], str]:
+    """Run a case without its log: its result, summary, and the error that stopped it.
+
+    The result of a run that stopped ends there, or is None.  The summary describes what
+    ``shown`` returns for it; it is empty if nothing was applied.  Of the error it is
+    the first line; empty if there was none.
+    """
+    result: Result | None
+    with unlogged():
+        try:
+            result, reason = case.run(), ""
+        except (StepError, ValueError) as error:
+            result = getattr(error, "result", None)
+            reason = str(error).partition("\n")[0]
+        if result is None or result.states[-1].load_factor == 0:
+            return result, {}, reason
+        return result, case.summary(shown(result)), reason
 
 
 def _no_interval(_: Any) -> ErrorInterval:
     return ErrorInterval(reason="of a sample")
 
 
-def printed_figures(summary: Mapping[str, Any]) -> dict[str, float]:
-    """Numbers of a summary that are printed first, by key."""
-    declared = (Quantity(**one) for one in summary["first"])
-    return {
-        one.key: float(summary[one.key])
-        for one in declared
-        if one.unit and isinstance(summary.get(one.key), int | float)
-    }
+def printed_numbers(summary: Mapping[str, Any]) -> list[Quantity]:
+    """Quantities of a summary that are printed first and are numbers."""
+    declared = (Quantity(**one) for one in summary.get("first", ()))
+    return [
+        x for x in declared if x.unit and isinstance(summary.get(x.key), int | float)
+    ]
 
 
 def _curve(case: Case, result: Result) -> list[list[float]]:

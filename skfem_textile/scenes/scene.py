@@ -186,8 +186,8 @@ class Scene:
         levels
             Factors of the motions and loads at the ends of the parts.
         release
-            Names of conditions whose forces are removed in one more part, in which the
-            others hold the ply.
+            Names of conditions that end after these parts; in one more part the others
+            hold the ply.
 
         Raises
         ------

@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from itertools import takewhile
@@ -17,7 +17,6 @@ from numpy import ndarray
 from ..fabric import Law, TwoLaws
 from ..ply import Ply
 from ..ply.parameters import Frozen
-from ..ply.terms import SupportTerm
 from . import checksummed
 from .continuation import Continuation, LoadSteps
 from .linear.solver import Clock
@@ -96,7 +95,7 @@ class Checkpoint:
         if "\0" in str(folder):
             raise CheckpointError(f"checkpoint {str(folder)!r} is not a valid path")
         self._ply, self._constraints = problem.ply, problem.constraints
-        self._release = problem.release
+        self._ends = [*problem.endings]
         self._steps = steps
         stated = {"format": _FORMAT, "steps": steps.stated}
         described = {**stated, **settings, **_described(problem)}
@@ -104,7 +103,7 @@ class Checkpoint:
         self._run = ""
         self._lock: checksummed.Lock | None = None
 
-    def release(self) -> None:
+    def unlock(self) -> None:
         """Unlock the folder."""
         if self._lock is not None:
             self._lock.release()
@@ -222,7 +221,7 @@ class Checkpoint:
         states: list[State] = []
         for file, content in zip(files, contents, strict=True):
             with self._content_errors(file):
-                states.append(_state(content, states, self._ply))
+                states.append(_state(content, states, self._ply, self._ends))
         for i, file in enumerate(files):
             trial, values = replay.repeated(states[i])  # which calls user functions
             with self._content_errors(file):
@@ -326,10 +325,10 @@ class Checkpoint:
         entries |= {
             f"release of {x.name!r}": np.array([x.release])
             for x in ply.terms
-            if isinstance(x, SupportTerm)
+            if x.release is not None
         }
-        if self._release:
-            entries["ends of conditions"] = np.array(self._release.ends)
+        if self._ends:
+            entries["ends of conditions"] = np.array(self._ends)
         return entries
 
     def _by_load_factor(self, until: float = np.inf) -> dict[str, ndarray]:
@@ -396,14 +395,15 @@ class Checkpoint:
 class Replay:
     """Sequential validation of the states of a checkpoint.
 
-    ``last`` is the trial of the last state.  ``guessed`` is True if the state at the
-    load factor 1 may follow the ply at rest without load steps.
+    ``problem`` is the one after the last state, and ``last`` its trial.  ``guessed`` is
+    True if the state at the load factor 1 may follow the ply at rest without load
+    steps.
     """
 
     last: Trial
 
     def __init__(self, problem: Problem, guessed: bool = False) -> None:
-        self._problem, self._guessed = problem, guessed
+        self.problem, self._guessed = problem, guessed
 
     def repeated(self, state: State) -> tuple[Trial, ndarray]:
         """Evaluate a stored state again; its trial and the fixed values."""
@@ -412,7 +412,10 @@ class Replay:
         last = getattr(self, "last", None)
         if last and not (self._guessed and t == 1 and not last.problem.load_factor):
             before = last.next_start()
-        problem = self._problem.at(t)  # at which conditions may have ended
+            ends = t in self.problem.endings and t == last.problem.load_factor
+            if ends and not self.problem.let_go(last.parameters, before.parameters):
+                self.problem = self.problem.ended(t)
+        problem = self.problem.at(t)
         equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
         trial = Trial.of(problem, equilibrium, before)
         return trial, problem.constraints.fixed_values(t)
@@ -494,10 +497,16 @@ def _compare(
             raise ValueError(f"its {name} do not match its displacement")
 
 
-def _state(content: checksummed.Content, before: Sequence[State], ply: Ply) -> State:
+def _state(
+    content: checksummed.Content,
+    before: Sequence[State],
+    ply: Ply,
+    ends: Collection[float],
+) -> State:
     """State in a file; refused if it does not follow the previous ones.
 
     Its displacement and parameters must have the names, shapes and types of the ply.
+    Two states may follow at the load factors ``ends``.
     """
     text = {k: v for k, v in content.text.items() if k != "progress"}
     for key in _VECTORS:
@@ -516,7 +525,8 @@ def _state(content: checksummed.Content, before: Sequence[State], ply: Ply) -> S
         raise ValueError("its displacement does not belong to this ply")
     state = State(u=u, parameters=Frozen(parameters), **text)
     last = before[-1].load_factor if before else -1.0
-    if any(isinstance(x, SupportTerm) for x in ply.terms):  # which may have let go
+    lets_go = any(x.release is not None for x in ply.terms)
+    if lets_go or last in ends:  # at which there are several states
         last = np.nextafter(last, -np.inf)
     if not last < state.load_factor <= 1:
         raise ValueError(

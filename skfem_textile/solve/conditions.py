@@ -28,6 +28,9 @@ Value: TypeAlias = (
 # largest displacement and, for round-off, of the largest coordinate.
 _AGREEING, _ROUND_OFF = 1e-9, 1e-15
 
+# Distance of an end from a load factor within which they are the same: round-off.
+_SAME_END = 1e-9
+
 # Smallest ratio of eigenvalues of S, (1 − cos θ)/(1 + cos θ) of two directions with the
 # angle θ, that belongs to another direction.
 _OTHER_DIRECTION = PARALLEL_ANGLE**2 / 4
@@ -57,8 +60,8 @@ class Condition:
     factor
         Function of the load factor that takes its place, such as a `Programme`.
     until
-        Load factor at which the condition ends.  Its forces on the ply then decrease in
-        proportion to the load factor up to 1, where its nodes are free of forces.
+        Load factor at which the condition ends.  There its forces on the ply decrease
+        to zero, in as many steps as the part of the run has: the ply springs back.
     together
         True if all nodes have the same displacement along the directions that are not
         fixed, as in a rigid clamp that is guided or hangs free.  Such a clamp does not
@@ -396,6 +399,53 @@ class Constraints:
             )
         values[np.searchsorted(self.prescribed, self._determined)] = q
         return values
+
+
+def constraints_after(
+    basis: CellBasis,
+    conditions: Conditions,
+    load_factors: Sequence[float],
+    nodes: dict[str, ndarray],
+) -> dict[float, Constraints]:
+    """Constraints after each load factor below 1 at which conditions end.
+
+    Parameters
+    ----------
+    basis, conditions
+        Basis of the displacement, and all conditions.
+    load_factors
+        Load factors at which steps end.
+    nodes
+        Nodes of all conditions, whose forces are reported.
+
+    Raises
+    ------
+    ValueError
+        If an end is not a load factor of a step, or no condition remains.
+    """
+    ends: dict[float, list[str]] = {}
+    for name, condition in conditions.items():
+        if (until := getattr(condition, "until", 1.0)) >= 1:
+            continue
+        near = min(load_factors, key=lambda t: abs(t - until))
+        if abs(near - until) > _SAME_END:
+            raise ValueError(
+                f"condition {name!r} ends at the load factor {until:g}, within a step: "
+                f"choose steps such that one ends there, or {near:g}"
+            )
+        ends.setdefault(near, []).append(name)
+    left, after = dict(conditions), dict[float, Constraints]()
+    for end in sorted(ends):
+        for name in ends[end]:
+            del left[name]
+        if not left:
+            raise ValueError(
+                f"no condition remains beyond the load factor {end:g}: hold the ply "
+                "against motions without deformation, such as at two nodes"
+            )
+        after[end] = Constraints(basis, left)
+        after[end].nodes = nodes
+    return after
 
 
 class _LU:

@@ -10,17 +10,19 @@ computed in one step and in two, and both must agree.
 import logging
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import shortened
 from ..ply.parameters import PlyParameters
 from . import active_set
 from .direction import TINY
 from .problem import HOLD, Evaluation, Problem
-from .states import NoEquilibriumError, State
+from .states import NoEquilibriumError, Overload, State
 
 log = logging.getLogger(__name__)
 
@@ -57,6 +59,10 @@ _SHORTEST_STEP = 1e-9
 _DRIVES = 0.5
 
 
+# Largest accepted number of equal steps; more are considered a mistake.
+_MOST_STEPS = 1_000_000
+
+
 @dataclass(frozen=True)
 class LoadSteps:
     """Requested load steps: parts of equal length, each in equal steps.
@@ -81,10 +87,34 @@ class LoadSteps:
             load_factors += np.linspace(first, last, finer * steps + 1)[1:].tolist()
         return load_factors
 
+    def number(self, t: float) -> int:
+        """Number of steps of the part that contains a load factor or ends there."""
+        return self.numbers[bisect_left(ends_of_parts(len(self.numbers))[1:], t)]
+
     def length(self, t: float) -> float:
-        """Length of the steps of the part that contains a load factor or ends there."""
-        part = bisect_left(ends_of_parts(len(self.numbers))[1:], t)
-        return 1.0 / (len(self.numbers) * self.numbers[part])
+        """Length of these steps."""
+        return 1.0 / (len(self.numbers) * self.number(t))
+
+
+def load_steps(steps: Any) -> LoadSteps:
+    """Validated numbers of steps."""
+    if not isinstance(steps, list | tuple):
+        refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
+        return LoadSteps((int(steps),))
+    for part, number in enumerate(steps, 1):
+        refuse_unless_whole(f"steps of part {part}", number, 1, _MOST_STEPS)
+    refuse_unless_whole("the sum of steps", sum(steps), 1, _MOST_STEPS)
+    return LoadSteps(tuple(map(int, steps)))
+
+
+def refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
+    """Refuse a number that is not whole or beyond its limits."""
+    with suppress(TypeError, ValueError, OverflowError):
+        if least <= int(number) == number <= most:
+            return
+    raise ValueError(
+        f"{name} must be a whole number from {least} to {most}, got {shortened(number)}"
+    )
 
 
 def ends_of_parts(n: int) -> list[float]:
@@ -161,13 +191,13 @@ class Continuation:
     unresolved: list[float] = field(default_factory=list)
     to_compare: list[StepEnd] = field(default_factory=list)
     not_followed_until: float = -1.0
-    overloads: list[Any] = field(default_factory=list)
+    overloads: list[Overload] = field(default_factory=list)
 
     @classmethod
     def of(cls, saved: Mapping[str, Any]) -> "Continuation":
         """The continuation of a checkpoint."""
         to_compare = [StepEnd(*past) for past in saved["to_compare"]]
-        overloads = [tuple(x) for x in saved["overloads"]]
+        overloads = [Overload(*x) for x in saved["overloads"]]
         return cls(**{**saved, "to_compare": to_compare, "overloads": overloads})
 
     @property
@@ -250,7 +280,6 @@ class Continuation:
                 )
             log.info("the step to load factor %g is shortened: %s", end, failure)
             self.overloads.append(failure.overload)
-            self.cut += 1
             return
         known = step <= _SHORTEST_STEP or by <= _KNOWN_SHARE
         if step > 1.5 * shortest or not known:

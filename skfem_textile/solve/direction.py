@@ -140,7 +140,6 @@ class Definite(Direction):
         problem, u = self.problem, start.u
         tangent, p = _first_tangent(problem, start)
         changed = bool(problem.surfaces) or problem.ply.follows_load_factor
-        changed = changed or bool(np.any(problem.remaining))
         f = problem.residual(u, p) if changed else start.f
         return Iterate(u, f, p, tangent=tangent)
 

@@ -250,11 +250,11 @@ def error_interval(
         return ErrorInterval(reason="the equilibrium is not stable")
     if not problem.constraints.free.size:
         return ErrorInterval(reason="no node is free: refine the mesh")
-    if problem.ply.fabric.has_friction or problem.rubbing:
+    if problem.has_friction:
         return ErrorInterval(reason=_FRICTION)
     if any(p.get("released_at", np.inf) < np.inf for p in state.parameters.values()):
         return ErrorInterval(reason=_LET_GO)
-    if problem.release and problem.release.phase(state.load_factor):
+    if problem.endings and _has_ended(problem, state):
         return ErrorInterval(reason=_RELEASED)
     if own := [x.name for x in problem.ply.terms if _has_own_forms(x)]:
         return ErrorInterval(reason=_OWN_TERM.format(", ".join(own)))
@@ -270,6 +270,13 @@ def error_interval(
     except Exception as error:  # from a user's term; computed states are kept
         reason = error_text(error)
     return ErrorInterval(reason=reason)
+
+
+def _has_ended(problem: Problem, state: State) -> bool:
+    """True if conditions have ended before a state, also at its load factor."""
+    at, first = problem.at(t := state.load_factor), min(problem.endings)
+    fixed = at.is_fixed(state.u, at.constraints.fixed_values(t))
+    return t > first or (t == first and not fixed)
 
 
 def _has_own_forms(term: Term) -> bool:
@@ -292,7 +299,7 @@ def _is_state_of(problem: Problem, state: State) -> bool:
     with np.errstate(all="ignore"):  # non-finite values are detected
         try:
             f = ply.residual(state.u, state.load_factor, p)
-            unbalanced = at.unbalanced(f - at.remaining, state.u)
+            unbalanced = at.unbalanced(f, state.u)
         except NoEquilibriumError:
             return False
     return unbalanced <= _UNBALANCED * max(0.0, state.tolerance, *state.residuals[-1:])

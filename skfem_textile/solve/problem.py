@@ -7,7 +7,7 @@ it is the second derivative of the energy less λ∇²φ, see `SurfaceNodes`.
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -17,16 +17,13 @@ from ..mesh.bases import components, node_positions
 from ..mesh.pattern import with_data
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
-from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm, SupportTerm
+from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from .conditions import Constraints, plain, reactions, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System, reduced
 from .states import NoEquilibriumError
 from .surface_nodes import SurfaceNodes
-
-if TYPE_CHECKING:
-    from .release import Release
 
 #: Relative round-off of a number.
 EPSILON = 2.0**-53
@@ -136,10 +133,8 @@ class Problem:
     contacts, rubbing, balancing, clamps
         Terms of contact with tools, tools and holders with friction, self-balancing
         loads, and clamps.
-    release
-        Conditions that end during a run; None if there are none.
-    remaining
-        Remaining nodal forces in N of the conditions that have ended.
+    endings
+        Constraints after each load factor at which conditions will end.
 
     Raises
     ------
@@ -153,10 +148,9 @@ class Problem:
         ply: Ply,
         constraints: Constraints,
         solver: SolverOfPattern,
-        release: "Release | None" = None,
+        endings: dict[float, Constraints] | None = None,
     ) -> None:
-        self.ply, self.release = ply, release
-        self.remaining: ndarray | float = 0.0
+        self.ply, self.endings = ply, endings or {}
         self.load_factor = 0.0
         self.propping: ndarray | float = 0.0
         self.constraints = constraints
@@ -175,7 +169,8 @@ class Problem:
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
         self.rubbing: list[Any] = [x for x in ply.terms if getattr(x, "friction", None)]
-        self.clamps: list[Any] = [x for x in ply.terms if isinstance(x, SupportTerm)]
+        self.has_friction = ply.fabric.has_friction or bool(self.rubbing)
+        self.clamps: list[Any] = [x for x in ply.terms if x.release is not None]
         for kind, terms in ("tool", self.contacts), ("clamp", self.clamps):
             for term in terms:
                 if term.name in constraints.nodes:
@@ -186,8 +181,6 @@ class Problem:
         self.loaded = len(self._loads) > len(self.contacts)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
         self.moves = True
-        if release:
-            release.refuse_tools(self)
 
     @cached_property
     def system(self) -> System:
@@ -296,9 +289,22 @@ class Problem:
             _ = self._of_points
         other = copy(self)
         other.load_factor, other.propping = load_factor, propping
-        if self.release:
-            self.release.enter(other, self.release.phase(load_factor))
         return other
+
+    def ended(self, load_factor: float) -> "Problem":
+        """The same problem without the conditions that end at a load factor."""
+        other = copy(self)
+        vars(other).pop("system", None)
+        other.constraints = after = self.endings[load_factor]
+        other.surfaces = after.surfaces
+        other.endings = {t: x for t, x in self.endings.items() if t > load_factor}
+        return other
+
+    def let_go(self, before: PlyParameters, after: PlyParameters) -> list[str]:
+        """Names of the clamps that let go between two values of all parameters."""
+        at = "released_at"
+        names = [x.name for x in self.clamps if x.parameters]
+        return [name for name in names if after[name][at] < before[name][at]]
 
     def turn(self, u: ndarray) -> csr_matrix | None:
         """Matrix from the unknowns at a displacement to the Cartesian unknowns.
@@ -353,13 +359,12 @@ class Problem:
 
     def forces(self, f: ndarray) -> dict[str, ndarray]:
         """Sum of the nodal forces over the nodes of each condition, shape (d,)."""
-        forces, nodes = self.nodal(f + self.remaining), self.constraints.nodes
+        forces, nodes = self.nodal(f), self.constraints.nodes
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
 
     def reactions(self, f: ndarray, u: ndarray) -> dict[str, ndarray]:
         """Force of each condition on the ply, see `reactions`."""
-        found = reactions(self.constraints, self.nodal(f), u, self.load_factor)
-        return self.release.reactions(self, found, u) if self.release else found
+        return reactions(self.constraints, self.nodal(f), u, self.load_factor)
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
         """True if fixed unknowns have their values, and nodes are on surfaces."""

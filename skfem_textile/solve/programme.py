@@ -1,15 +1,21 @@
-"""Load programmes: factors that rise and fall with the load factor."""
+"""Load programmes, and rows of values: amounts that rise and fall with the load."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from ..fabric.law import keep
 from ..mesh.user_input import real_numbers, shortened
 
 # Round-off of a load factor.
 _ROUND_OFF = 1e-15
+
+# Relative difference of two places between rows that is round-off.
+_SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -76,4 +82,79 @@ class Programme:
                     f"steps must be a multiple of {self.parts}, the number of parts of "
                     f"the programme, or {self.parts} numbers of steps, so that each "
                     f"part ends with a step; got {len(load_factors)}"
+                )
+
+
+@dataclass(frozen=True)
+class BetweenRows:
+    """Piecewise linear function of the load factor.
+
+    Parameters
+    ----------
+    what
+        Its name in messages.
+    rows
+        Load factor and values of each row.
+
+    Raises
+    ------
+    ValueError
+        If the load factors do not increase from 0 to 1.
+    """
+
+    what: str
+    rows: Sequence[Sequence[float]]
+
+    def __post_init__(self) -> None:
+        factors = self._array[:, 0]
+        if (np.diff(factors) <= 0).any() or factors[0] != 0 or factors[-1] != 1:
+            raise ValueError(
+                f"{self.what}: the load factors of the rows must increase from 0 to 1, "
+                f"got {', '.join(f'{t:g}' for t in factors)}"
+            )
+
+    @property
+    def _array(self) -> ndarray:
+        return np.array(self.rows, dtype=float)
+
+    def __call__(self, t: float) -> Any:
+        """Value, or vector of values, at a load factor."""
+        return interpolated(self._array, t)
+
+    def check_steps(self, load_factors: Sequence[float]) -> None:
+        """Refuse steps, given by the load factors at their ends, that pass a turn."""
+        ends = np.array([0.0, *load_factors])
+        refuse_turns(self.what, "load factor {:g}", self._array, ends)
+
+
+def interpolated(rows: ndarray, x: float) -> Any:
+    """Value, or vector of values, between rows of a place and values."""
+    at, *columns = rows.T
+    values = [float(np.interp(x, at, column)) for column in columns]
+    return np.array(values) if values[1:] else values[0]
+
+
+def refuse_turns(what: str, place: str, rows: ndarray, ends: ndarray) -> None:
+    """Refuse rows of which a value turns back within a step, which would miss it.
+
+    Parameters
+    ----------
+    what, place
+        The amount, and the place of a row as a format of a number, in messages.
+    rows
+        Place and values of each row, shape (n, 1 + n_values).
+    ends
+        Places at the ends of the steps, shape (n_steps + 1,).
+    """
+    at, off = rows[:, 0], _SAME * np.ptp(rows[:, 0])
+    low, high = np.sort([ends[:-1], ends[1:]], axis=0)
+    for signs in np.sign(np.diff(rows[:, 1:], axis=0)).T:
+        for i, j in pairwise(np.flatnonzero(signs)):
+            first, last = at[i + 1], at[j]
+            within = (low < first - off) & (last + off < high)
+            if signs[i] != signs[j] and within.any():
+                raise ValueError(
+                    f"{what} turns back at the {place.format(first)}, within one "
+                    f"of {len(ends) - 1} steps: choose a number of steps of which one "
+                    "ends there"
                 )

@@ -13,7 +13,7 @@ from .. import solve
 from ..mesh.bases import components
 from ..mesh.user_input import CopiedError
 from ..ply import Ply
-from ..ply.terms import ContactTerm, SupportTerm
+from ..ply.terms import ContactTerm
 from ..surfaces.surface import Surface
 from .conditions import Conditions
 from .continuation import path_warning
@@ -296,7 +296,7 @@ class Result:
                     components = zip("xyz", vector.tolist(), strict=False)
                     row |= {f"{name}_{what}_{axis}": x for axis, x in components}
             if clamps := self._clamps():
-                from .letting_go import clamp_forces
+                from .clamp_release import clamp_forces
 
                 row |= clamp_forces(clamps, state)
             row |= _columns(state.shares) | _energies(state) | {"work": work}
@@ -459,13 +459,13 @@ class Result:
     def _tools(self) -> list[ContactTerm]:
         return [x for x in self.ply.terms if isinstance(x, ContactTerm)]
 
-    def _clamps(self) -> list[SupportTerm]:
-        return [x for x in self.ply.terms if isinstance(x, SupportTerm)]
+    def _clamps(self) -> list[Any]:
+        return [x for x in self.ply.terms if x.release is not None]
 
     def _figures_of_clamps(self) -> dict[str, Any]:
         if not (clamps := self._clamps()):
             return {}
-        from .letting_go import clamp_figures
+        from .clamp_release import clamp_figures
 
         return clamp_figures(clamps, self.states)
 

@@ -157,15 +157,16 @@ class EquilibriumSearch:
         """
         return self._released(start, start.f, lambda share: share * values)
 
-    def without_clamps(self, start: Evaluation) -> Trial:
-        """State at the load factor of a state at which clamps let go.
+    def freed(self, start: Evaluation, longest: float = 1.0) -> Trial:
+        """State at the load factor of a state at which clamps or conditions let go.
 
-        Their forces are released in steps, see `at_rest`.
+        Their forces are released in steps, see `at_rest`; a step releases at most the
+        share ``longest`` of them.
         """
         problem = self.problem.at(start.load_factor)
         values = problem.constraints.fixed_values(start.load_factor)
         unbalanced = problem.unfixed(start.f, start.u)
-        return self._released(start, unbalanced, lambda share: values, start)
+        return self._released(start, unbalanced, lambda share: values, start, longest)
 
     def _released(
         self,
@@ -173,18 +174,19 @@ class EquilibriumSearch:
         unbalanced: ndarray,
         values: Callable[[float], ndarray],
         before: Evaluation | None = None,
+        longest: float = 1.0,
     ) -> Trial:
-        """State after forces that balance a start are released, see `at_rest`.
+        """State after forces that balance a start are released, see `freed`.
 
         ``values`` returns the fixed unknowns at the share that is released, and
         ``before`` is the last accepted state.
         """
         t, u, p, tangent = start.load_factor, start.u, start.parameters, start.tangent
-        done, step, most, projected = 0.0, 1.0, float(MOST_PROJECTED), 0
+        done, step, most, projected = 0.0, longest, float(MOST_PROJECTED), 0
         stable = tangent is not None and tangent.negative_pivots == 0
         shortest = _SHORTEST_AT_REST[0 if stable else 1]
         while True:
-            share = min(1.0, done + step)
+            share = done + step if done + 1.001 * step < 1 else 1.0
             rest = (1.0 - share) * unbalanced
             begin = self.problem.at(t, rest).evaluation(u, p, tangent)
             target = Target(t, 0.0, values(share), begin, before, most, rest)
@@ -205,17 +207,9 @@ class EquilibriumSearch:
             last = found.next_start()
             u, p, tangent = last.u, last.parameters, last.tangent
             before = before and last
-            done, step = share, 2 * step
-            if self._lets_go(found.parameters, p):
-                unbalanced, done, step = last.f + rest, 0.0, 1.0
-
-    def _lets_go(self, before: PlyParameters, after: PlyParameters) -> bool:
-        """True if a clamp lets go between two values of the parameters."""
-        if not self.problem.clamps or after is before:
-            return False
-        from .letting_go import let_go
-
-        return bool(let_go(before, after))
+            done, step = share, min(2 * step, longest)
+            if self.problem.let_go(found.parameters, p):
+                unbalanced, done, step = last.f + rest, 0.0, longest
 
     def _first(self, target: Target) -> Trial:
         """Equilibrium, with the initial parameters, that passes all checks.

@@ -19,6 +19,14 @@ _INSTALLED = (
 )
 
 
+class Overload(NamedTuple):
+    """End of a refused step, at which a clamp carries a multiple of its release."""
+
+    load_factor: float
+    name: str
+    load: float
+
+
 class NoEquilibriumError(Exception):
     """Failed attempt at a load factor.
 
@@ -32,7 +40,7 @@ class NoEquilibriumError(Exception):
         Quantity at or beyond the end of its law's domain: warp_strain, weft_strain or
         shear_angle; empty if there is none.
     overload
-        Clamp that would have let go before, see `letting_go.Overload`; or None.
+        Clamp that would have let go before, or None.
     """
 
     def __init__(
@@ -41,7 +49,7 @@ class NoEquilibriumError(Exception):
         elements: Any = (),
         advice: str = "",
         quantity: str = "",
-        overload: Any = None,
+        overload: Overload | None = None,
     ) -> None:
         super().__init__(message)
         self.elements = np.asarray(elements, dtype=int)

@@ -4,7 +4,7 @@ import logging
 import os
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
+from dataclasses import replace
 from datetime import timedelta
 from functools import cached_property, partial
 from time import perf_counter
@@ -16,18 +16,19 @@ from numpy import ndarray
 from ..mesh.progress import clear, shown
 from ..mesh.user_input import real_numbers, shortened
 from ..ply import Ply
-from .conditions import Conditions, Constraints, travels
+from .conditions import Conditions, Constraints, constraints_after, travels
 from .continuation import (
     MOST_PROJECTED,
     Continuation,
-    LoadSteps,
     balanced_at_rest,
     ends_of_parts,
     initial_guess,
     load_growth,
+    load_steps,
     loads_drive,
     moves,
     path_warning,
+    refuse_unless_whole,
 )
 from .linear import solver_named
 from .linear.solver import Clock
@@ -46,7 +47,7 @@ from .states import (
 from .verdict import CHECKS, Trial
 
 if TYPE_CHECKING:
-    from .checkpoint import Checkpoint, RestoredRun
+    from .checkpoint import Checkpoint, Replay, RestoredRun
     from .interval import ErrorInterval
 
 log = logging.getLogger(__name__)
@@ -55,9 +56,6 @@ log = logging.getLogger(__name__)
 DEFAULT_WARN_ONLY = (
     *("work", "stabilisation", "deviation", "corners", "surface", "slack"),
 )
-
-# Largest accepted number of equal steps; more are considered a mistake.
-_MOST_STEPS = 1_000_000
 
 # Maximum number of halvings: a load factor near 1 has 53 binary digits, of which 20 are
 # for the steps.
@@ -152,26 +150,25 @@ class LoadStepper:
     ) -> None:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
         _check_arguments(ply, max_halvings, warn_only, callbacks)
-        self.steps = _load_steps(steps)
+        self.steps = load_steps(steps)
         self.load_factors = self.steps.ends()[1:]
         chosen = solver_named(solver)
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
-        factors = (
-            *(getattr(one, "factor", None) for one in conditions.values()),
-            *(getattr(one, "factor", None) for one in ply.terms),
-            *(amount for one in ply.terms for amount in getattr(one, "amounts", ())),
-        )
+        followed = *conditions.values(), *ply.terms
+        factors = [getattr(one, "factor", None) for one in followed]
+        factors += [x for one in ply.terms for x in getattr(one, "amounts", ())]
         for factor in factors:
             if check := getattr(factor, "check_steps", None):
                 check(self.load_factors)
-        release = None
-        if any(getattr(one, "until", 1.0) < 1 for one in conditions.values()):
-            from .release import release_of
-
-            release = release_of(ply.basis, conditions, self.load_factors)
-        self.problem = problem = Problem(ply, constraints, chosen, release)
-        self.initial_guess = _checked_guess(initial_guess, ply)
+        ends = *(conditions, self.load_factors), constraints.nodes
+        endings = constraints_after(ply.basis, *ends)
+        self.problem = problem = Problem(ply, constraints, chosen, endings)
+        self.initial_guess = _checked_guess(initial_guess, problem)
+        if endings and initial_guess is not None:
+            raise ValueError(
+                "initial_guess does not apply to conditions that end: omit it"
+            )
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
         problem.moves = moved or bool(contacts)
         for check in dict.fromkeys(type(tool).check for tool in contacts):
@@ -297,7 +294,7 @@ class Run:
 
     def __init__(self, stepper: LoadStepper) -> None:
         self._stepper, self._search = stepper, stepper.search
-        self.problem = stepper.problem
+        self._use(stepper.problem)
         self.problem.clock, self._began = Clock(), perf_counter()
         longest, follows = stepper.steps.length(0.0), stepper.search.method.follows_path
         halvings = stepper.max_halvings
@@ -306,6 +303,10 @@ class Run:
         self.iteration: Iteration | None = None
         self._loaded_from = 0.0, self._began  # load factor and time
         self._warned: set[str] = set()
+
+    def _use(self, problem: Problem) -> None:
+        """Continue with a problem."""
+        self.problem, self._search = problem, replace(self._search, problem=problem)
 
     def __call__(self, resume: bool = False, begun: Any = None) -> Result:
         """Apply the whole load; see `LoadStepper.run`."""
@@ -321,8 +322,8 @@ class Run:
                 except NoEquilibriumError as failure:
                     log.info("no equilibrium near the initial guess: %s", failure)
             for t_end in self._stepper.load_factors:
-                while self._lets_go or self.states[-1].load_factor < t_end:
-                    self._let_go() if self._lets_go else self._step(t_end)
+                while self._frees or self.states[-1].load_factor < t_end:
+                    self._free() if self._frees else self._step(t_end)
         except NoEquilibriumError as failure:
             if not self.states:
                 raise
@@ -342,7 +343,7 @@ class Run:
                 for warning in problem.ply.contradictions(self.states):
                     log.warning(warning)
             if checkpoint:
-                checkpoint.release()
+                checkpoint.unlock()
         return self.result
 
     @property
@@ -414,7 +415,7 @@ class Run:
         replay = Replay(problem, self._stepper.initial_guess is not None)
         if not (saved := checkpoint.load(replay)):
             return False
-        self._continue(saved, replay.last)
+        self._continue(saved, replay)
         log.info("resumed at load factor %g", self.states[-1].load_factor)
         return True
 
@@ -429,13 +430,14 @@ class Run:
             saved = zip(begun.states, begun.progress, strict=True)
             for number, (state, progress) in enumerate(saved):
                 checkpoint.save(number, state, *progress)
-        self._continue(begun, replay.last)
+        self._continue(begun, replay)
         log.info("states up to load factor %g are taken from %s", until, other.folder)
         return True
 
-    def _continue(self, saved: "RestoredRun", last: Trial) -> None:
-        """Continue after the last state of a checkpoint, with its trial."""
-        progress = saved.progress[-1]
+    def _continue(self, saved: "RestoredRun", replay: "Replay") -> None:
+        """Continue after the last state of a checkpoint."""
+        progress, last = saved.progress[-1], replay.last
+        self._use(replay.problem)
         self.states, self.continuation = saved.states, progress.continuation
         last.tangent = tangent_at(last.problem, last.u, last.parameters)
         # The checkpoint already includes the time of that tangent.
@@ -506,7 +508,7 @@ class Run:
         """Take a step towards a requested load factor, or prepare a shorter one."""
         last, start, problem = self.states[-1], self._start, self.problem
         if overloads := self.continuation.overloads:
-            from .letting_go import estimated_release
+            from .clamp_release import estimated_release
 
             t_end = min(t_end, estimated_release(problem, self.states, overloads))
         self.continuation.enter(self._stepper.steps.length(t_end))
@@ -548,29 +550,44 @@ class Run:
     @property
     def _lets_go(self) -> list[str]:
         """Names of the clamps that let go at the last state."""
-        if not self.problem.clamps:
-            return []
-        from .letting_go import let_go
+        return self.problem.let_go(self.states[-1].parameters, self._start.parameters)
 
-        return let_go(self.states[-1].parameters, self._start.parameters)
+    @property
+    def _frees(self) -> bool:
+        """True if clamps let go, or conditions end, at the last state."""
+        ends = self.states[-1].load_factor in self.problem.endings
+        return ends or bool(self._lets_go)
 
-    def _let_go(self) -> None:
-        """Find the equilibrium without the clamps that let go at the last state."""
-        from . import letting_go
+    def _free(self) -> None:
+        """Find the equilibrium without the clamps that let go at the last state.
 
-        last, start, problem = self.states[-1], self._start, self.problem
-        what = letting_go.message(self._lets_go, start.parameters)
-        log.info("load factor %g: %s", last.load_factor, what)
+        Or, if there are none, without the conditions that end there.
+        """
+        last, start, t = self.states[-1], self._start, self.states[-1].load_factor
+        what, longest = "conditions end", 1.0
+        if clamps := self._lets_go:
+            from . import clamp_release
+
+            what = clamp_release.message(clamps, start.parameters)
+        else:
+            longest = 1.0 / self._stepper.steps.number(t)
+            self._use(self.problem.ended(t))
+            arguments = self.problem.at(t), start.u, start.parameters
+            start = replace(start, tangent=tangent_at(*arguments))
+        problem = self.problem
+        log.info("load factor %g: %s", t, what)
         try:
-            found = self._search.without_clamps(start)
+            found = self._search.freed(start, longest)
         except NoEquilibriumError as failure:
             failure.args = (f"{what}, and then there is {failure}",)
             raise
-        parameters = letting_go.with_energy_lost(found, start, last)
+        parameters = found.parameters
+        if clamps:
+            parameters = clamp_release.with_energy_lost(found, start, last)
         found = found.after(start, parameters)
         state, settled = self._reached(found)
         if not settled or found.projected > (0 if problem.contacts else MOST_PROJECTED):
-            self.continuation.mark(last.load_factor)
+            self.continuation.mark(t)
         self.continuation.overloads.clear()
         self._append(state, found)
 
@@ -638,7 +655,7 @@ def _check_arguments(
     """Refuse invalid arguments of `LoadStepper`."""
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
-    _refuse_unless_whole("max_halvings", max_halvings, 0, _MOST_HALVINGS)
+    refuse_unless_whole("max_halvings", max_halvings, 0, _MOST_HALVINGS)
     known = ", ".join(CHECKS)
     # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
@@ -653,34 +670,16 @@ def _check_arguments(
             raise ValueError(f"{name} must be a function, not {function!r}")
 
 
-def _load_steps(steps: Any) -> LoadSteps:
-    """Validated numbers of steps."""
-    if not isinstance(steps, list | tuple):
-        _refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
-        return LoadSteps((int(steps),))
-    for part, number in enumerate(steps, 1):
-        _refuse_unless_whole(f"steps of part {part}", number, 1, _MOST_STEPS)
-    _refuse_unless_whole("the sum of steps", sum(steps), 1, _MOST_STEPS)
-    return LoadSteps(tuple(map(int, steps)))
-
-
-def _checked_guess(guess: Any, ply: Ply) -> ndarray | None:
-    """Validated initial guess of a ply, if there is one."""
+def _checked_guess(guess: Any, problem: Problem) -> ndarray | None:
+    """Validated initial guess of a problem, if there is one."""
     if guess is None:
         return None
-    u = real_numbers("initial_guess", guess)
-    if u.shape != (ply.basis.N,) or not np.isfinite(u).all():
+    if problem.rubbing:
+        raise ValueError("initial_guess: friction of tools requires steps: omit it")
+    u, n = real_numbers("initial_guess", guess), problem.ply.basis.N
+    if u.shape != (n,) or not np.isfinite(u).all():
         raise ValueError(
-            f"initial_guess must be {ply.basis.N} finite numbers, one for each unknown "
+            f"initial_guess must be {n} finite numbers, one for each unknown "
             f"of the ply, got an array of shape {u.shape}"
         )
     return u
-
-
-def _refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
-    with suppress(TypeError, ValueError, OverflowError):
-        if least <= int(number) == number <= most:
-            return
-    raise ValueError(
-        f"{name} must be a whole number from {least} to {most}, got {shortened(number)}"
-    )

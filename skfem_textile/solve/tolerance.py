@@ -175,10 +175,10 @@ class ToleranceStepper:
         self._at, self.tolerance, self._density = stepper_at, tolerance, density
         self.most_unknowns, self.on_round = most_unknowns, on_round
         self._first = self._stepper = stepper_at(density)
-        if self._stepper.ply.fabric.has_friction:
+        if self._stepper.problem.has_friction:
             raise ValueError(
-                "a tolerance requires laws without friction, for which the error of "
-                "the load is known: omit it and compare with a finer mesh"
+                "a tolerance requires laws and tools without friction, for which the "
+                "error of the load is known: omit it and compare with a finer mesh"
             )
         if most_unknowns < self._stepper.ply.basis.N:
             raise ValueError(

@@ -25,7 +25,7 @@ from ..ply.parameters import PlyParameters
 from . import active_set
 from .conditions import turned
 from .direction import TINY
-from .problem import EPSILON, HOLD, ROUNDINGS, Evaluation, Problem, tangent_at
+from .problem import EPSILON, HOLD, ROUNDINGS, Evaluation, Problem
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
 #: Names of the checks, cheap ones first.
@@ -213,7 +213,7 @@ class Trial(Equilibrium):
                     advice="more steps",
                 )
         if problem.clamps:
-            from .letting_go import refuse_overload
+            from .clamp_release import refuse_overload
 
             refuse_overload(problem, u, self.parameters)
         if not problem.in_domain(u, self.parameters):
@@ -236,10 +236,6 @@ class Trial(Equilibrium):
         problem, u, p, tangent = self.problem, self.u, self.parameters, self.tangent
         t = problem.load_factor
         advanced = problem.ply.advanced(p, u, t)
-        if problem.release and problem.release.ends_at(t):
-            before = problem.residual(u, advanced)
-            problem = problem.release.end(problem, before, u)
-            return problem.evaluation(u, advanced, tangent_at(problem, u, advanced))
         if advanced is not p:
             return problem.evaluation(u, advanced, tangent)
         load = problem.load(u, p)
@@ -252,7 +248,7 @@ class Trial(Equilibrium):
         u.flags.writeable = False  # the run continues from it
         work = 0.5 * sum(self.works)
         if self.start and self.start.load_factor == problem.load_factor:
-            # Clamps let go; the energies include the energy lost.
+            # Clamps let go, with the energy lost in the energies, or conditions ended.
             work = sum(self.energies.values()) - self.energy_before
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()

@@ -3,13 +3,10 @@
 Contact is judged at the nodes, as by the other codes.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from time import process_time
 from typing import Any
 
 import numpy as np
-from scipy.sparse import identity
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -21,29 +18,17 @@ from skfem_textile import (
     Tool,
     Traction,
 )
-from skfem_textile.contact import obstacle
 from skfem_textile.drape import Die, Plane, Sphere
 
 from ..common.rivals.course import Course, draw_in, ends_of
 from ..common.rivals.forming import Forming
+from ..common.rivals.nodes import contact_at_nodes
 from ..common.running import errors_only, run
-
-
-@contextmanager
-def _at_nodes() -> Iterator[None]:
-    """Contact points are the nodes."""
-    before: Any = obstacle.contact_points
-    at_nodes: Any = lambda mesh, mirrors: identity(mesh.nvertices, format="csr")  # noqa: E731
-    obstacle.contact_points = at_nodes
-    try:
-        yield
-    finally:
-        obstacle.contact_points = before
 
 
 def ply_of(case: Forming) -> Ply:
     """The ply between its tools; at the load factor 1 the punch is at its depth."""
-    with _at_nodes():
+    with contact_at_nodes():
         return _ply_of(case)
 
 

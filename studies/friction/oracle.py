@@ -361,11 +361,12 @@ class Oracle:
             for name, potential in state.potentials.items()
             if name.startswith("traction")
         )
+        lost = sum(touch.lost.sum() for touch in touches)
+        self.moved += lost
         if self._last is not None:
             t_0, x_0, earlier, energy_0 = self._last
-            lost = sum(touch.lost.sum() for touch in touches)
             missed, open_to = energy - energy_0 + lost, 0.0
-            self.moved += abs(energy - energy_0) + lost
+            self.moved += abs(energy - energy_0)
             for one, before, after in zip(self.contacts, earlier, touches, strict=True):
                 works = one.works(((t_0, x_0), (t, x)), (before, after))
                 work = 0.5 * float(works[0].sum() + works[1].sum())

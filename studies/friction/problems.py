@@ -1,7 +1,10 @@
 """Plies that slide on tools, with exact forces where they are known."""
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,8 +28,11 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.ply.parameters import Values
+from skfem_textile.contact import Compaction
+from skfem_textile.contact.holder import pressing
+from skfem_textile.ply.parameters import NO_VALUES, Values
 
+from ..common.rivals.nodes import contact_at_nodes
 from ..study import Row
 
 # Checks that warn only, in strips of a few elements.
@@ -193,9 +199,6 @@ class Strip:
             }
         ]
 
-    def _pulled(self, X: ndarray, t: float) -> ndarray:
-        return np.full(X.shape[1], self._path(t))
-
     def _path(self, t: float) -> float:
         return 2 * float(np.sin(2 * np.pi * self.cycles * t)) if self.cycles else 2 * t
 
@@ -254,6 +257,60 @@ class Wedge:
         ]
 
 
+# Side of the square ply under a rigid holder in mm; its thickness in mm, pressure in
+# N/mm² and exponent of the power law of compaction.
+_SIDE, _THICKNESS, _STIFF, _EXPONENT = 20.0, 0.3, 1e-3, 8.0
+
+
+@dataclass(frozen=True)
+class Compacted:
+    """Ply that shears without friction below a rigid holder, by force in N and angle.
+
+    Of the ply at the shear angle γ in degrees the area A is cos γ times the flat one,
+    and the areal weight 1/cos γ times.
+    """
+
+    force: float
+    angle: float
+
+    def __str__(self) -> str:
+        return f"rigid holder, {self.force:g} N, shear {self.angle:g}°"
+
+    def rows(self) -> list[Row]:
+        """Force on the plate, and distance over t₀/cos γ (1 + F/PA)^(−1/B)."""
+        law = Compaction(_THICKNESS, _STIFF, _EXPONENT)
+        plate = Tool(drape.Plane(), side=1, name="plate")
+        holder = Holder(drape.Plane(), side=1, force=self.force, compaction=law)
+        fabric, mesh = Fabric(_FIBRES, 1.0), grid(_SIDE, _SIDE, 4, 4)
+        ply = Ply(mesh, fabric, terms=[plate, holder], dimension=3)
+        edge = ply.mesh.boundary_nodes()
+
+        def turned(component: int, X: ndarray, t: float) -> ndarray:
+            angle = np.radians(self.angle) * t
+            return X[1] * (np.sin(angle), np.cos(angle) - 1)[component]
+
+        conditions = {
+            "x": Condition(edge, partial(turned, 0), (1, 0, 0)),
+            "y": Condition(edge, partial(turned, 1), (0, 1, 0)),
+        }
+        result = LoadStepper(ply, conditions, steps=3, warn_only=_COARSE).run()
+        state, share = result.states[-1], np.cos(np.radians(self.angle))
+        force = float(state.reactions["plate"][2])
+        pressure = self.force / (_SIDE**2 * share)
+        distance = _THICKNESS / share * (1 + pressure / _STIFF) ** (-1 / _EXPONENT)
+        found = float(state.parameters["holder"]["distance"])
+        return [
+            {
+                "case": str(self),
+                "force": force,
+                "exact": self.force,
+                "off": force / self.force - 1,
+                "off_distance": found / distance - 1,
+                "solves": result.linear_solves,
+            }
+        ]
+
+
 # Quarter of a ply of 300 mm, radius of the punch, fillet of the die, and gap, in mm.
 _HALF, _PUNCH, _FILLET, _GAP = 150.0, 75.0, 10.0, 0.3
 
@@ -272,21 +329,29 @@ class Hemisphere:
         Coefficient of all tools.
     slip
         Elastic slip in mm.
+    at_nodes
+        True for contact at the nodes, instead of the contact points of macro-elements.
     """
 
     parts: int
     steps: int
     friction: float = 0.2
     slip: float = 0.02
+    at_nodes: bool = False
 
     def __str__(self) -> str:
+        where = ", contact at the nodes" if self.at_nodes else ""
         return (
             f"hemisphere, {self.parts} parts, {self.steps} steps, μ {self.friction:g}, "
-            f"slip {self.slip:g}"
+            f"slip {self.slip:g}{where}"
         )
 
     def ply(self) -> Ply:
         """Quarter of the ply between its tools."""
+        with contact_at_nodes() if self.at_nodes else nullcontext():
+            return self._ply()
+
+    def _ply(self) -> Ply:
         rub: Any = {"friction": self.friction, "elastic_slip": self.slip}
         turn, hole = np.linspace(0, 2 * np.pi, 181), _PUNCH + 5 + _FILLET
         circle = np.array([np.cos(turn), np.sin(turn)])
@@ -328,7 +393,9 @@ class Hemisphere:
         angle = np.degrees(np.abs(ply.shear_angle(state.u, ply.centre)).max())
         force = np.array([one.reactions["punch"][2] for one in result.states])
         travel = np.array([75.0 * one.load_factor for one in result.states])
-        work, energy = float(np.trapezoid(force, travel)), _stored(result)
+        pressed = -work_of(result, "holder")
+        work = float(np.trapezoid(force, travel)) + pressed
+        stabilised = state.energies["stabilisation"] - work_of(result, "stabilisation")
         slid = float(lost(result)[-1])
         return [
             {
@@ -338,21 +405,63 @@ class Hemisphere:
                 "draw_in": _HALF - float(x[0, side]),
                 "corner": float(np.hypot(*(_HALF - x[:2, corner]))),
                 "work": slid,
-                "balance": (energy + slid) / work - 1,
+                "holder_work": pressed,
+                "beyond": _beyond(result),
+                "balance": (_stored(result, self.slip) + slid) / work - 1,
+                "of_stabilisation": stabilised / work,
                 "solves": result.linear_solves,
                 "resolved": result.path_resolved,
             }
         ]
 
 
-def _stored(result: Result) -> float:
-    """Rise of the energy of ply and tractions in N·mm."""
+def work_of(result: Result, name: str) -> float:
+    """Work against the forces of a term, by trapezoids, in N·mm.
+
+    Friction of a holder, which is in the plane of the flange, is left out.
+    """
+    term = next(term for term in result.ply.terms if term.name == name)
+
+    def forces(state: State) -> ndarray:
+        p = state.parameters.get(name, NO_VALUES)
+        f = np.array(term.residual(state.u, state.load_factor, p))
+        if name == "holder":
+            f.reshape(-1, 3)[:, :2] = 0.0
+        return f
+
+    return sum(
+        0.5 * float((forces(one) + forces(other)) @ (other.u - one.u))
+        for one, other in pairwise(result.states)
+    )
+
+
+def _beyond(result: Result) -> float:
+    """Largest distance in mm by which the holder presses beyond its surface."""
+    state = result.states[-1]
+    term: Any = next(term for term in result.ply.terms if term.name == "holder")
+    under = state.parameters["holder"]["areas"] > 0
+    return float((term._points.positions(state.u)[2, under] - _GAP / 2).max())
+
+
+def _stored(result: Result, slip: float) -> float:
+    """Rise of the energy of ply, tractions and elastic slips in N·mm."""
 
     def of(state: State) -> float:
         pulled = (x for k, x in state.potentials.items() if k.startswith("traction"))
-        return sum(state.energies.values()) + sum(pulled)
+        elastic = sum(_of_slips(term, state, slip) for term in pressing(result.ply))
+        return sum(state.energies.values()) + sum(pulled) + elastic
 
     return of(result.states[-1]) - of(result.states[0])
+
+
+def _of_slips(term: Any, state: State, slip: float) -> float:
+    """Energy of the elastic slips on a tool in N·mm."""
+    if not term.friction:
+        return 0.0
+    p = state.parameters[term.name]
+    squares = (term.friction.forces(state.u, state.load_factor, p) ** 2).sum(axis=1)
+    under = p["bound"] > 0
+    return 0.5 * slip * float((squares[under] / p["bound"][under]).sum())
 
 
 def problems() -> Iterator[Any]:
@@ -362,9 +471,12 @@ def problems() -> Iterator[Any]:
             yield Belt(mu, wrap, elements)
     yield from (Strip(0, 1), Strip(0, 20), Strip(2, 40), Strip(2, 80))
     yield from (Strip(2, 80, 0.1), Strip(0, 20, 0.1))
+    yield from (Compacted(10.0, 0.0), Compacted(10.0, 30.0), Compacted(400.0, 30.0))
     for slope in (1.0, 0.5, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1):
         yield Wedge(slope)
     for parts, steps in ((12, 10), (12, 20), (12, 40), (24, 10), (24, 20), (48, 20)):
         yield Hemisphere(parts, steps)
     yield from (Hemisphere(24, 20, 0.2, 0.1), Hemisphere(24, 20, 0.2, 0.005))
-    yield from (Hemisphere(24, 20, 0.0), Hemisphere(48, 20, 0.0))
+    for parts in (12, 24, 48):
+        yield Hemisphere(parts, 20, 0.0)
+    yield Hemisphere(24, 10, at_nodes=True)

@@ -9,13 +9,16 @@ from ..study import Part, Row, Study
 from . import extremes
 from .problems import problems
 
+# Further results that are exact.
+_FURTHER = "work", "area", "distance"
+
 
 def exact(rows: list[Row]) -> str:
     """Forces against exact ones."""
     return markdown_table(
         [
             *("problem", "force", "exact", "difference"),
-            *("of the work", "of the area", "solves"),
+            *("of the work", "of the area", "of the distance", "solves"),
         ],
         [
             [
@@ -23,7 +26,7 @@ def exact(rows: list[Row]) -> str:
                 f"{row['force']:.5f}",
                 f"{row['exact']:.5f}",
                 f"{row['off']:.1e}",
-                *(_difference(row.get(name)) for name in ("off_work", "off_area")),
+                *(_difference(row.get(f"off_{name}")) for name in _FURTHER),
                 row["solves"],
             ]
             for row in rows
@@ -41,7 +44,9 @@ def hemispheres(rows: list[Row]) -> str:
     return markdown_table(
         [
             *("hemisphere", "punch force in N", "largest angle", "draw-in in mm"),
-            *("at the corner", "work of sliding in N·mm", "energy balance", "solves"),
+            *("at the corner", "beyond the flange in mm", "work of sliding in N·mm"),
+            *("work of the holder", "energy balance", "of it the stabilisation"),
+            "solves",
         ],
         [
             [
@@ -50,8 +55,11 @@ def hemispheres(rows: list[Row]) -> str:
                 f"{row['angle']:.2f}°",
                 f"{row['draw_in']:.2f}",
                 f"{row['corner']:.2f}",
+                f"{row['beyond']:.1f}",
                 f"{row['work']:.1f}",
+                f"{row['holder_work']:.2f}",
                 f"{100 * row['balance']:.2f} %",
+                f"{100 * row['of_stabilisation']:.2f} %",
                 row["solves"],
             ]
             for row in rows
@@ -64,7 +72,9 @@ class Friction(Study[Any]):
 
     parts = (
         Part(
-            "exact.csv", {"exact.md": exact}, cases=("belt, *", "strip, *", "wedge, *")
+            "exact.csv",
+            {"exact.md": exact},
+            cases=("belt, *", "strip, *", "rigid holder, *", "wedge, *"),
         ),
         Part(
             "hemispheres.csv", {"hemispheres.md": hemispheres}, cases=("hemisphere*",)

@@ -147,6 +147,12 @@ def test_a_number_in_two_forms_is_one_value():
     assert varied({"scene": {"x": [1, True]}}) == {"scene.x": (1, True)}
 
 
+def test_a_key_of_tools_of_a_scene_is_named():
+    scene = {"scene": {"name": "hemisphere_forming"}}
+    message = re.escape("in [[tools]], which is empty: write scene.friction")
+    refused(lambda: with_value(scene, "tools.*.friction", 0.1), message)
+
+
 REFUSED = {
     "scene.shear_angel_deg": ([1, 2], "scene has no key 'shear_angel_deg'; did you"),
     "scenes.shear_angle_deg": ([1, 2], "there is no table 'scenes'; did you mean"),
@@ -302,6 +308,8 @@ def test_values_of_any_kind_are_written_to_a_case():
         ("bending.warp_N_mm", "Bending warp (N·mm)"),
         ("fabric.file", "Fabric file"),
         ("tools.*.friction", "Friction"),
+        ("phases.up.tools.punch.friction", "Punch friction in phase up"),
+        ("phases.up.steps", "Steps in phase up"),
     ],
 )
 def test_an_axis_has_the_unit_of_its_key(key, label):

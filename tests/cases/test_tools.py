@@ -8,10 +8,10 @@ import pytest
 import shapely
 
 from skfem_textile.cases import case_from_file, case_from_tables, declared
-from skfem_textile.cases.tools import between_rows
 from skfem_textile.cases.write import case_text, reference
 from skfem_textile.contact import Holder, contacts
 from skfem_textile.drape import Axes, Die
+from skfem_textile.solve.programme import BetweenRows
 from tests.helpers import graph, refused
 from tests.helpers.curves import write_columns
 
@@ -249,6 +249,24 @@ def test_every_surface_is_in_the_reference():
     assert listed >= {*surfaces.split()}
 
 
+@pytest.mark.parametrize(
+    ("key", "rows"),
+    [
+        ("motion_mm", [[0, 0, 0, 0], [0.55, 0, 0, 9], [1, 0, 0, 0]]),
+        ("motion_deg", [[0, 0], [0.55, 9], [1, 0]]),
+        ("friction", [[0, 0], [0.55, 0.2], [0.7, 0.2], [1, 0]]),
+    ],
+)
+def test_steps_that_pass_a_turning_point_of_rows_are_refused(key, rows):
+    two, twenty = (
+        case_from_tables(tables(PUNCH | {key: rows}, DIE, stepping={"steps": n}))
+        for n in (2, 20)
+    )
+    message = f"tool_1.{key} turns back at the load factor 0.55, within one of 2 steps"
+    refused(two.stepper, message)
+    twenty.stepper()
+
+
 def test_rows_are_interpolated():
-    rows = between_rows("x", [(0.0, 1.0), (0.25, 3.0), (1.0, 0.0)])
+    rows = BetweenRows("x", [(0.0, 1.0), (0.25, 3.0), (1.0, 0.0)])
     assert [rows(t) for t in (0.0, 0.125, 0.25, 1.0)] == [1.0, 2.0, 3.0, 0.0]

@@ -28,7 +28,7 @@ LAYERS = {
     "ply": ("forms", "forms.kernels", "fabric", "declarations", "mesh"),
     "solve": ("surfaces", "ply", "fabric", "mesh"),
     "sweep": ("solve", "mesh"),
-    "outlines": ("solve", "ply", "fabric", "mesh"),
+    "outlines": ("solve", "ply", "fabric", "declarations", "mesh"),
     "nets": ("surfaces", "ply", "fabric", "mesh"),
     "contact": ("surfaces", "solve", "ply", "fabric", "declarations", "mesh"),
     "drape": ("contact", "nets", "surfaces"),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -224,7 +225,6 @@ def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
     pressures, distance = RigidHolder(lambda t: 5.0 * t, law).pressed(
         1.0, areas, weight
     )
-    assert pressures @ areas == pytest.approx(5.0, rel=1e-12)
     expected = law.pressure_at(distance / weight)
     assert pressures[:2] == pytest.approx(expected[:2], rel=1e-9)
     assert pressures[2] == 0.0
@@ -233,6 +233,52 @@ def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
     none = RigidHolder(lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
     assert none.distance == pytest.approx(0.36)
     assert not none.pressures.any()
+
+
+def test_a_run_is_not_resumed_with_another_law_of_compaction_or_slip(tmp_path):
+    def stepper(law=(0.3, 1e-3, 8.0), slip=0.02):
+        plate = Tool(PLANE, side=1, friction=0.2, elastic_slip=slip, name="plate")
+        holder = Holder(PLANE, side=1, force=5.0, compaction=Compaction(*law))
+        mesh, fabric = grid(50.0, 10.0, 2, 1), Fabric(1e5, 1.0)
+        ply = Ply(mesh, fabric, terms=[plate, holder], dimension=3)
+        held = {"held": Condition("right", (0.0, 0.0, None))}
+        return LoadStepper(ply, held, steps=1, checkpoint=tmp_path)
+
+    stepper().run()
+    stepper().run(resume=True)
+    for other in ((0.3, 1e-2, 8.0), (0.31, 1e-3, 8.0), (0.3, 1e-3, 8.01)):
+        with pytest.raises(ValueError, match="law of compaction of 'holder' differ"):
+            stepper(other).run(resume=True)
+    with pytest.raises(ValueError, match="elastic slip of 'plate' differ"):
+        stepper(slip=0.03).run(resume=True)
+
+
+def test_an_initial_guess_is_refused_with_friction_of_tools():
+    """It would take one step, whatever the path, on which friction depends."""
+    plate = Tool(PLANE, side=1, friction=0.2)
+    ply = Ply(grid(9.0, 9.0, 1, 1), Fabric(1e5, 1.0), terms=[plate], dimension=3)
+    held = {"held": Condition("right")}
+    with pytest.raises(ValueError, match="initial_guess: friction of tools requires"):
+        LoadStepper(ply, held, initial_guess=ply.basis.zeros())
+
+
+def test_the_die_carries_the_force_on_a_sheared_ply():
+    """Its area is cos γ times the flat one, its thickness without pressure 1/cos γ."""
+    law, angle = Compaction(0.3, 1e-3, 8.0), np.radians(30)
+    plate = Tool(PLANE, side=1, name="plate")
+    holder = Holder(PLANE, side=1, force=10.0, compaction=law)
+    terms = [plate, holder]
+    ply = Ply(grid(20.0, 20.0, 2, 2), Fabric(1e4, 1.0), terms=terms, dimension=3)
+    edge = ply.mesh.boundary_nodes()
+    conditions = {
+        "x": Condition(edge, lambda X, t: X[1] * np.sin(t * angle), (1, 0, 0)),
+        "y": Condition(edge, lambda X, t: X[1] * (np.cos(t * angle) - 1), (0, 1, 0)),
+    }
+    state = LoadStepper(ply, conditions, steps=2).run().states[-1]
+    share = np.cos(angle)
+    expected = 0.3 / share * (1 + 10.0 / (400.0 * share * 1e-3)) ** (-1 / 8)
+    assert state.parameters["holder"]["distance"] == pytest.approx(expected, rel=1e-9)
+    assert state.reactions["plate"][2] == pytest.approx(10.0, rel=1e-9)
 
 
 class Saturating:
@@ -253,6 +299,66 @@ def test_a_large_force_has_a_thickness_or_the_law_is_refused():
     assert measured.pressure_at(found.distance) == expected
     with pytest.raises(ValueError, match="carries less than the force 1e\\+06 N"):
         RigidHolder(lambda t: force, Saturating()).pressed(1.0, areas, np.ones(2))
+
+
+# A hemisphere
+
+
+def formed(friction):
+    """Punch force, and works of punch and holder, of a ply that a holder presses."""
+    turn, half = np.linspace(0, 2 * np.pi, 73), 40.0
+    circle = np.array([np.cos(turn), np.sin(turn)])
+    ring = np.hstack([4 * half * circle, 26.0 * circle])
+    options = {"friction": friction, "elastic_slip": 0.005}
+    punch = drape.Punch(20.0, (0, 0, -20.1))
+    terms = [
+        Traction("right", (0.05, 0, 0), factor=1.0),
+        Traction("top", (0, 0.05, 0), factor=1.0),
+        Tool(punch, (0, 0, 8.0), name="punch", **options),
+        Tool(drape.Die(22.0, 4.0, (0, 0, 0.1)), name="die", **options),
+        Holder(
+            drape.Plane((0, 0, 0.1)), pressure=6e-3, side=-1, outline=ring, **options
+        ),
+    ]
+    ends = {"left": "mirror", "bottom": "mirror"}
+    fabric = Fabric(1e3, 0.5, bending=(2.0, 2.0))
+    mesh = grid(half, half, 4, 4)
+    ply = Ply(mesh, fabric, terms=terms, dimension=3, fibre_ends=ends)
+    held = {
+        "x": Condition("left", (0.0, None, None)),
+        "y": Condition("bottom", (None, 0.0, None)),
+    }
+    states = LoadStepper(ply, held, steps=6).run().states
+    holder = next(term for term in ply.terms if term.name == "holder")
+
+    def pressure(s):
+        f = holder.residual(s.u, s.load_factor, s.parameters["holder"])
+        return -f[2::3]
+
+    force = np.array([s.reactions["punch"][2] for s in states])
+    of_punch = np.trapezoid(force, [8.0 * s.load_factor for s in states])
+    of_holder = sum(
+        0.5 * (pressure(a) + pressure(b)) @ (b.u - a.u)[2::3]
+        for a, b in pairwise(states)
+    )
+    return force[-1], of_punch, of_holder, states
+
+
+def stored(state):
+    tractions = (x for k, x in state.potentials.items() if k.startswith("traction"))
+    return sum(state.energies.values()) + sum(tractions)
+
+
+@pytest.mark.dear("two formed plies")
+def test_friction_raises_the_force_of_a_punch_whose_work_is_stored_or_lost():
+    free, *_ = formed(0.0)
+    force, of_punch, of_holder, states = formed(0.3)
+    lost = sum(states[-1].energy_lost.values())
+    risen = stored(states[-1]) - stored(states[0])
+    assert force > 1.3 * free
+    assert lost > 0.3 * of_punch
+    assert of_punch + of_holder == pytest.approx(risen + lost, rel=0.01)
+    assert of_holder > 0.02 * of_punch
 
 
 # A disc that turns under a ply

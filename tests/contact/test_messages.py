@@ -1,6 +1,8 @@
 """Bad input of tools, holders and their scenes is refused in one line."""
 
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import meshio
@@ -45,6 +47,14 @@ def refused(call, message, kind=ValueError):
 
 
 LAW = contact.Compaction(0.3, 1e-3, 8.0)
+
+
+@dataclass
+class Law:
+    """A user's law of compaction."""
+
+    pressure_at: Callable
+    free: float = 0.3
 
 
 @pytest.mark.parametrize(
@@ -137,7 +147,44 @@ def test_invalid_laws_of_compaction(make, message):
             lambda: Holder(drape.Plane(), force=1.0, compaction=0.3, side=1),
             "'holder': compaction must be a law of compaction, .* got 0.3",
         ),
+        *(
+            (
+                lambda law=law: Holder(
+                    drape.Plane(), force=1.0, compaction=law, side=1
+                ),
+                f"'holder': law of compaction{message}",
+            )
+            for law, message in (
+                (
+                    Law(lambda t: np.full(t.shape, np.nan)),
+                    ": the pressure must be finite",
+                ),
+                (
+                    Law(lambda t: 1.0),
+                    ": the pressure must be finite, a number for each",
+                ),
+                (Law(lambda t: t - 0.3), ": the pressure must fall with the thickness"),
+                (
+                    Law(lambda t: 0.3 / t),
+                    ": the .* must fall .* to 0 at 0.3 mm, got 2.5 to 1 N",
+                ),
+                (Law(lambda t: 1 / 0), " raised ZeroDivisionError"),
+                (
+                    Law(lambda t: 0.3 / t - 1, free=-1.0),
+                    ": free must be a finite number",
+                ),
+            )
+        ),
+        (
+            lambda: Holder(
+                *(drape.Plane(), None, None, lambda t: 100 * t),
+                Law(lambda t: 1e-3 * np.maximum(1 - t / 0.3, 0.0)),
+                side=1,
+            ),
+            "compaction: the law carries less than the force 100 N",
+        ),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
+        (lambda: Holder(drape.Plane(), gap=True, side=1), "at least 0 mm, got True"),
         (
             lambda: Holder(drape.Plane(), gap=lambda t: abs(t - 0.4) - 0.1, side=1),
             r"at least 0 mm, got -.* at load factor 0\.3",

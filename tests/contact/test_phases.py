@@ -9,7 +9,9 @@ from skfem_textile import Holder, LoadStepper, Tool, contact, drape
 from skfem_textile.contact import OverTravel, Phase, Process, phase_table
 from tests.helpers.forming import GAP, RADIUS, SYMMETRY, blank
 
-CLOSE = Phase("close", 1, {"holder": {"gap": GAP}})
+# The holder lifts the ply by less than the distance of its nodes to the die.
+CLOSED = GAP / 20
+CLOSE = Phase("close", 1, {"holder": {"gap": CLOSED}})
 PUNCH = Phase("punch", 2, {"punch": {"motion": (0, 0, 6)}})
 OPEN = Phase("open", 1, {"punch": {"motion": (0, 0, 0)}, "holder": {"gap": 3.0}})
 
@@ -46,7 +48,7 @@ def test_values_are_reached_linearly_at_the_ends_of_phases():
     ends = [punch.motion(t)[2] for t in (0, 1 / 3, 0.5, 2 / 3, 1)]
     assert ends == pytest.approx([0, 0, 3, 6, 0])
     gaps = [holder.gap(t) for t in (0, 1 / 6, 1 / 3, 2 / 3, 1)]
-    assert gaps == pytest.approx([3, (3 + GAP) / 2, GAP, GAP, 3])
+    assert gaps == pytest.approx([3, (3 + CLOSED) / 2, CLOSED, CLOSED, 3])
     assert die.motion is None
 
 
@@ -92,6 +94,14 @@ def test_a_tool_turns_about_its_axis():
     assert die.motion(0.25)[0][0, 0] == pytest.approx(np.sqrt(0.5))
 
 
+def test_a_rotation_by_more_than_half_a_turn_is_reported_as_such():
+    turns = [Phase("turn", 1, {"die": {"rotation": -1.5 * np.pi}}), Phase("stay", 1)]
+    die = Process(turns, tools()).tools[1].on(blank().basis)
+    assert [die.rotation(t) for t in (0.0, 0.25, 1.0)] == pytest.approx(
+        [0, 0.75 * np.pi, 1.5 * np.pi]
+    )
+
+
 def test_loads_have_a_factor_in_each_phase():
     assert Process([CLOSE], tools()).loads is None
     phases = [Phase("gravity", 1, loads=1.0), CLOSE, Phase("lift", 1, loads=0.5)]
@@ -116,6 +126,8 @@ def test_one_motion_in_two_phases_gives_the_same_states(mu):
     for a, b in zip(one.states, two.states, strict=True):
         np.testing.assert_allclose(a.u, b.u, rtol=0, atol=1e-8)
     assert np.abs(one.u).max() > 3
+    if mu:
+        assert min(one.states[-1].energy_lost.values()) > 1e-3  # also at the holder
 
 
 @pytest.mark.dear("a run between tools")
@@ -149,6 +161,8 @@ def test_the_table_has_a_row_for_the_end_of_each_phase(formed):
     angle = np.degrees(np.abs(result.ply.shear_angle(result.states[at[1]].u)).max())
     assert rows[1]["max_shear_angle_deg"] == angle > 1
     assert rows[0]["energy_lost"] < rows[1]["energy_lost"] <= rows[2]["energy_lost"]
+    assert {*result.states[-1].energy_lost} == {"punch", "die", "holder"}
+    assert min(result.states[-1].energy_lost.values()) > 1e-3
     assert process.phase_at(0.0) == process.phase_at(1 / 3) == "close"
 
 
@@ -239,10 +253,63 @@ def holding(**amounts):
             "no tool 'pinch' whose travel is known",
             [holding(gap=OverTravel("pinch", [[0, 3], [2, 3]]))],
         ),
+        (
+            r"no tool \['punch'\] whose travel is known",
+            [holding(gap=OverTravel(["punch"], [[0, 3], [2, 3]]))],
+        ),
+        (
+            "motion of 'punch' does not follow the travel of a tool",
+            [Phase("x", 1, {"punch": {"motion": OverTravel("die", [[0, 0, 0, 1]])}})],
+        ),
+        (
+            "rotation of 'die' does not follow the travel of a tool",
+            [Phase("x", 1, {"die": {"rotation": OverTravel("punch", [[0, 1]])}})],
+        ),
+        (
+            "friction of 'die' turns back at the travel 2 mm, within one of 2 steps",
+            [
+                Phase(
+                    *("x", 2),
+                    {
+                        "punch": {"motion": (0, 0, 6)},
+                        "die": {
+                            "friction": OverTravel("punch", [[0, 0], [2, 1], [6, 0]])
+                        },
+                    },
+                )
+            ],
+        ),
+        (
+            "turns back at the share 0.6, within one of 2 steps",
+            [moving([[0.6, 0, 0, 4], [0.9, 0, 0, 4], [1, 0, 0, 2]])],
+        ),
+        ("gap of 'holder' must be a number, or rows", [holding(gap=True)]),
+        ("gap of 'holder' must be a number, or rows", [holding(gap="2")]),
     ],
 )
 def test_invalid_phases_are_refused_in_one_line(message, phases):
     refused(message, phases)
+
+
+@pytest.mark.parametrize(
+    ("message", "axes"),
+    [
+        ("axes: there is no tool 'pnch'", {"pnch": ((0, 0, 1), (0, 0, 0))}),
+        ("axis of 'die' must be a direction, not", {"die": ((0, 0, 0), (0, 0, 0))}),
+        ("axis of 'die' must be a direction, not", {"die": (0, 0, 1)}),
+        (
+            "axis of 'die' must be a direction, not",
+            {"die": ((0, 0, 1), (0, np.nan, 0))},
+        ),
+    ],
+)
+def test_invalid_axes_are_refused(message, axes):
+    refused(message, [Phase("turn", 1, {"die": {"rotation": 1.0}})], axes=axes)
+
+
+def test_a_value_that_is_kept_over_the_end_of_a_step_may_turn_back():
+    rows = [[0.4, 0, 0, 4], [0.6, 0, 0, 4], [1, 0, 0, 2]]
+    assert Process([moving(rows)], tools()).tools[0].motion(0.5)[2] == 4
 
 
 def test_a_tool_that_would_be_in_two_places_is_refused():

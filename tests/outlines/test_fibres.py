@@ -6,6 +6,7 @@ import shapely
 
 from skfem_textile import (
     BodyForce,
+    Clamp,
     Condition,
     Fabric,
     Force,
@@ -303,6 +304,22 @@ def test_loads(load, origins):
     lines = singular_fibres(PART, bias(30), loads=[load])
     assert_through(lines, [(30, 0), (70, 0)][: 2 * len(origins)])
     assert list(dict.fromkeys(f.origin for f in lines.fibres)) == origins
+
+
+@pytest.mark.parametrize("degrees", [0, 30])
+def test_fibres_start_at_the_ends_of_the_part_of_an_edge_that_a_clamp_holds(degrees):
+    """Also of a clamp that is turned with the ply, at a corner and within an edge."""
+    c, s = unit(degrees)
+    Q = np.array([[c, -s], [s, c]])
+    outline = Outline(Q @ rectangle(50, 100).polygon, names={"top": [2]})
+    clamp = Clamp("top", 5.0, within=(0, 90, 17.3, 100)).turned(Q)
+    fabric = Fabric(1e9, 0.5, Q @ unit(45), Q @ unit(-45))
+    lines = singular_fibres(outline, fabric, loads=[clamp])
+    assert {f.origin for f in lines.fibres} == {"end of clamp 'clamp'"}
+    found = np.hstack([Q.T @ f.points[:, [0, -1]] for f in lines.fibres])
+    for end in (0, 100), (17.3, 100):
+        assert np.linalg.norm(found.T - end, axis=1).min() < 1e-6
+    assert not (np.linalg.norm(found.T - (50, 100), axis=1) < 1).any()
 
 
 def test_a_jump_of_a_traction_starts_fibres_and_a_slope_does_not():

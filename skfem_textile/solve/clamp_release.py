@@ -9,17 +9,16 @@ lost, and the energy that the ply releases in these steps.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from ..ply.clamps import holds
+from ..ply.clamps import ClampTerm, holds
 from ..ply.parameters import NO_VALUES, Frozen, PlyParameters, Values
-from ..ply.terms import SupportTerm
 from .problem import Evaluation, Problem
 from .quantities import Quantity
-from .states import NoEquilibriumError, State
+from .states import NoEquilibriumError, Overload, State
 
 #: Resultant, relative to the force of release, above which a state is refused: the
 #: clamp would have let go before.
@@ -32,14 +31,6 @@ _AIM = 1.005
 # estimate leaves at least the first share of the interval on both sides, else the
 # second one.  Forces may increase in a small part of the interval only.
 _FAR, _LEAST, _LEAST_NEAR = 2.0, 0.25, 0.01
-
-
-class Overload(NamedTuple):
-    """End of a refused step, at which a clamp carries a multiple of its release."""
-
-    load_factor: float
-    name: str
-    load: float
 
 
 def refuse_overload(problem: Problem, u: ndarray, p: PlyParameters) -> None:
@@ -72,7 +63,7 @@ def estimated_release(
         Ends of steps that were refused since a clamp let go.
     """
     last = states[-1]
-    ahead = sorted(Overload(*x) for x in overloads if x[0] > last.load_factor)
+    ahead = sorted(x for x in overloads if x.load_factor > last.load_factor)
     if not ahead:
         return np.inf
     (end, name, load), *further = ahead
@@ -92,15 +83,6 @@ def estimated_release(
     root = 2 * c / (b + np.sqrt(max(b**2 + 4 * a * c, 0.0)))
     least = step * (_LEAST if load > _FAR else _LEAST_NEAR)
     return float(last.load_factor + np.clip(root, least, step - least))
-
-
-def let_go(before: PlyParameters, after: PlyParameters) -> list[str]:
-    """Names of the clamps that let go between two values of all parameters."""
-    return [
-        name
-        for name, p in after.items()
-        if "released_at" in p and holds(before[name]) and not holds(p)
-    ]
 
 
 def with_energy_lost(found: Any, start: Evaluation, last: State) -> PlyParameters:
@@ -123,7 +105,7 @@ def with_energy_lost(found: Any, start: Evaluation, last: State) -> PlyParameter
     rubbed = problem.ply.energy_lost(found.u, t, p)
     work -= sum(rubbed[x.name] - last.energy_lost[x.name] for x in _rubbing(problem))
     drop = sum(start.energies.values()) - sum(found.energies.values())
-    lost, names = max(work + drop, 0.0), let_go(last.parameters, p)
+    lost, names = max(work + drop, 0.0), problem.let_go(last.parameters, p)
     changed = {
         name: Values({**p[name], "work": p[name]["work"] + lost / len(names)})
         for name in names
@@ -149,7 +131,7 @@ def message(names: Sequence[str], parameters: PlyParameters) -> str:
     )
 
 
-def clamp_forces(clamps: Sequence[SupportTerm], state: State) -> dict[str, float]:
+def clamp_forces(clamps: Sequence[ClampTerm], state: State) -> dict[str, float]:
     """Magnitude of the force of each clamp in N, by column of a history."""
     return {
         f"{x.name}_force_N": float(np.linalg.norm(state.reactions[x.name]))
@@ -158,7 +140,7 @@ def clamp_forces(clamps: Sequence[SupportTerm], state: State) -> dict[str, float
 
 
 def clamp_figures(
-    clamps: Sequence[SupportTerm], states: Sequence[State]
+    clamps: Sequence[ClampTerm], states: Sequence[State]
 ) -> dict[str, Any]:
     """Figures of clamps in the summary of a result.
 
