@@ -124,7 +124,7 @@ class Checkpoint:
             with self._content_errors(self._files()[-1]):
                 finished = last.text["load_factor"] == 1.0 and not any(
                     np.linalg.norm(force)
-                    >= run.arrays.get(f"release of {name!r}", np.inf)
+                    >= run.arrays.get(f"values of the release of {name!r}", np.inf)
                     for name, force in last.text["reactions"].items()
                 )
             if not finished:

@@ -89,7 +89,7 @@ def misspelt():
             case["phases"], path = [{"stepz": 1}], "phase_1"
         elif table == "phases.tools.NAME":
             phase = {"name": "a", "steps": 1, "tools": {"punch": {"stepz": 1}}}
-            case["phases"], path = [phase], "phase_1.tools.punch"
+            case["phases"], path = [phase], "phases.a.tools.punch"
         elif table == "[clamps]":
             case["clamps"], path = [{"stepz": 1}], "clamp_1"
         elif table.startswith("regions") or table == "vary":
