@@ -21,7 +21,8 @@ MODULES_WITH_EXTRAS = (
     "skfem_textile/plot/*.py",
     "skfem_textile/plot/*/*.py",
     "skfem_textile/*/figure.py",
-    "skfem_textile/scenes/samples.py",  # whose sweep needs another of the extras
+    "skfem_textile/scenes/samples.py",  # sweeps need another of the extras
+    "skfem_textile/cases/sweep.py",
 )
 # No test times: a machine may be busy with other work.
 settings.register_profile("untimed", deadline=None)

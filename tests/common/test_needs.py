@@ -223,6 +223,7 @@ plot.mesh_and_fibres(MeshQuad(), FibreDirections.of_angles([0], [90]), {file!r})
 
 @pytest.mark.dear("it draws in another process")
 def test_a_run_loads_no_decks_and_its_pictures_in_the_plane_no_vtk(tmp_path):
+    pytest.importorskip("matplotlib")
     file = tmp_path / "mesh.png"
     loaded = loaded_by(PICTURE.format(file=str(file)))
     assert not loaded & {"pyvista", "vtkmodules", "skfem_textile.io.part_decks"}
