@@ -229,8 +229,8 @@ class ActiveSet(Direction):
     def _with_friction(self, at: Iterate, start: ndarray) -> PlyParameters:
         """Parameters with the friction after an increment from ``start``.
 
-        Bounds and normals change near the equilibrium: elsewhere contact forces differ
-        by orders of magnitude from those of any state, and friction with them.
+        Bounds and normals change near the equilibrium: elsewhere contact forces
+        are orders of magnitude larger than in any state, and friction with them.
         """
         problem, (u, _, parameters, *_) = self.problem, at
         t, near = problem.load_factor, at.unbalanced(problem) <= NEAR

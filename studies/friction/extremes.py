@@ -17,7 +17,7 @@ from .drawn import JUDGED, MONOTONE, TOOLS, Drawn, Problem
 from .oracle import LIMITS, Oracle
 
 #: Seed of all cases, and number of stored ones, which judge the library.
-SEED, NUMBER = 2, 160
+SEED, NUMBER = 5, 160
 
 #: Outcomes of a case.
 RIGHT, REFUSED, WRONG = OUTCOMES = "right", "refused", "wrong"

@@ -1,7 +1,7 @@
 """Processes drawn at random, and what their phases state at a load factor.
 
-`Plan` states the same amounts twice: as a `Process` of the library, and as functions of
-the load factor of its own, by which the oracle judges the run.
+`Plan` states the same amounts twice: as a `Process` of the library, and as separate
+functions of the load factor, by which the oracle judges the run.
 """
 
 from collections.abc import Callable, Mapping, Sequence
