@@ -28,7 +28,7 @@ class FormingContact(ToolContact):
     """Contact with the checks before a run and the figures of its result."""
 
     @staticmethod
-    def check(ply: Any, moved: bool) -> None:
+    def check(ply: Any, moved: float) -> None:
         """See `check_tools`."""
         from .checks import check_tools
 
@@ -228,7 +228,7 @@ class Holder:
             )
         _check_compaction(f"{what}: law of compaction", self.compaction)
         force = function_of(f"{what}: force", self.force, 0.0, " N")
-        return RigidHolder(force, self.compaction)
+        return RigidHolder(what, force, self.compaction)
 
 
 def _check_compaction(what: str, law: "CompactionLaw") -> None:

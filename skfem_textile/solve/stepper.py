@@ -170,7 +170,7 @@ class LoadStepper:
                 "initial_guess does not apply to conditions that end: omit it"
             )
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
-        problem.moves = moved or bool(contacts)
+        problem.moves = bool(moved or contacts)
         for check in dict.fromkeys(type(tool).check for tool in contacts):
             check(ply, moved)
         self.search = EquilibriumSearch(
