@@ -28,9 +28,10 @@ from ..mesh.extents import warn_of_outline
 from ..mesh.selection import SINGULAR
 from ..mesh.user_input import coords, printable
 from ..outlines.drawings import kind_of_drawing
+from ..ply.amount import AmountLike, proportional
 from ..ply.formulations import DEFAULT
 from ..ply.loads import BodyForce, Force
-from ..ply.terms import Factor, Load, proportional
+from ..ply.terms import Load
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
 from .fabrics import errors_in, fabric_of_file
@@ -216,7 +217,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     if file.regions:
         scene, fabric = _with_regions(scene, fabric, file)
     of_phases = scene.process and scene.process.loads
-    factor: Factor = of_phases or scene.programme or proportional
+    factor: AmountLike = of_phases or scene.programme or proportional
     loads = _loads(file.loads, factor, of_phases or 1.0)
     if scene.rotation:
         loads = tuple(load.turned(scene.turn) for load in loads)
@@ -323,7 +324,7 @@ def refuse_incomplete(
 
 
 def _loads(
-    of: Loads, factor: Factor = proportional, of_weight: Factor = 1.0
+    of: Loads, factor: AmountLike = proportional, of_weight: AmountLike = 1.0
 ) -> tuple[Any, ...]:
     """Forces on boundaries and the weight, with their factors."""
     forces = tuple(Force(name, total, factor) for name, total in of.force_N.items())

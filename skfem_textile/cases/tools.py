@@ -185,10 +185,14 @@ class ToolTable(DeclaredTable, tag_field="surface"):
                 )
             return translation
         from ..contact.tool import AboutAxis
+        from ..ply.amount import Rows
 
         angle = _amount(f"{what}.motion_deg", in_radians(self.motion_deg))
+        moved, turned_by = (
+            x if callable(x) else Rows.reaching(x) for x in (translation, angle)
+        )
         point = self.motion_point_mm - axes.origin
-        return AboutAxis(translation, angle, self.motion_axis, point)
+        return AboutAxis(moved, turned_by, self.motion_axis, point)
 
     def _translation(self, what: str) -> Any:
         rows = self.motion_mm
@@ -207,9 +211,9 @@ class ToolTable(DeclaredTable, tag_field="surface"):
 def _amount(what: str, amount: Any) -> Any:
     if not isinstance(amount, tuple):
         return amount
-    from ..solve.programme import BetweenRows
+    from ..ply.amount import Rows
 
-    return BetweenRows(what, amount)
+    return Rows.of(what, amount)
 
 
 def in_radians(value: Amount) -> Amount:

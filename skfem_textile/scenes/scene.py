@@ -13,8 +13,9 @@ from skfem import Mesh
 
 from ..fabric import Fabric, Law, is_zero
 from ..ply import Ply
+from ..ply.amount import AmountLike, Programme, proportional
 from ..ply.formulations import DEFAULT
-from ..ply.terms import Factor, Formulation, Load, proportional
+from ..ply.terms import Formulation, Load
 from ..solve.conditions import Condition
 from ..solve.newton import Method
 from ..solve.on_surface import OnSurface
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from ..contact import Holder, Process, Tool
     from ..mesh.selection import FibreEnd
     from ..outlines import Outline
-    from ..solve.programme import Programme
     from .shear_test import BiasTest, FrameTest
 
 ExactField = Callable[[ndarray, float], ndarray]
@@ -172,7 +172,7 @@ class Scene:
     first: Sequence[Quantity] = ()
     axes: Axes = SAME_AXES
     initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
-    programme: "Programme | None" = None
+    programme: Programme | None = None
     process: "Process | None" = None
 
     def through(
@@ -205,8 +205,6 @@ class Scene:
         >>> float(scene.shear_angle(scene.mesh.p, 1.0).max())
         0.0
         """
-        from ..solve.programme import Programme
-
         on_tool = any(isinstance(c, OnSurface) for c in self.conditions.values())
         if self.tools or on_tool:
             raise ValueError(
@@ -225,7 +223,7 @@ class Scene:
             )
         levels = tuple(levels)
         programme = Programme((*levels, levels[-1]) if levels and release else levels)
-        end = 1 - 1 / programme.parts
+        end = 1 - 1 / len(programme.levels)
         loads: list[Any] = [*self.loads]
         for i, load in enumerate(loads):
             if callable(factor := load.factor):
@@ -548,28 +546,28 @@ def _turned_number(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
     return of(Q.T @ X, t)
 
 
-def _composed(factor: Factor, programme: "Programme") -> Factor:
+def _composed(factor: AmountLike, programme: Programme) -> AmountLike:
     """Factor at the load factor of a programme."""
     if factor is proportional:
         return programme
     return partial(_end_at, of=factor, programme=programme)
 
 
-def _end_at(t: float, of: Any, programme: "Programme") -> Any:
+def _end_at(t: float, of: Any, programme: Programme) -> Any:
     return of(programme(t))
 
 
-def _load_at(law: Law, t: float, of: Any, programme: "Programme") -> float:
+def _load_at(law: Law, t: float, of: Any, programme: Programme) -> float:
     return float(of(law, programme(t)))
 
 
-def _field_at(field: ExactField, programme: "Programme") -> ExactField:
+def _field_at(field: ExactField, programme: Programme) -> ExactField:
     if field is unknown:
         return field
     return partial(_exact_at, of=field, programme=programme)
 
 
-def _exact_at(X: ndarray, t: float, of: ExactField, programme: "Programme") -> ndarray:
+def _exact_at(X: ndarray, t: float, of: ExactField, programme: Programme) -> ndarray:
     return of(X, programme(t))
 
 

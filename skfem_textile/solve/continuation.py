@@ -18,6 +18,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import shortened
+from ..ply.amount import ends_of_parts
 from ..ply.parameters import PlyParameters
 from . import active_set
 from .direction import TINY
@@ -115,11 +116,6 @@ def refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
     raise ValueError(
         f"{name} must be a whole number from {least} to {most}, got {shortened(number)}"
     )
-
-
-def ends_of_parts(n: int) -> list[float]:
-    """Load factors from 0 to 1 between n parts of equal length."""
-    return np.linspace(0.0, 1.0, n + 1).tolist()
 
 
 class StepEnd(NamedTuple):

@@ -16,12 +16,12 @@ from numpy import ndarray
 from ..mesh.progress import clear, shown
 from ..mesh.user_input import real_numbers, shortened
 from ..ply import Ply
+from ..ply.amount import ends_of_parts
 from .conditions import Conditions, Constraints, constraints_after, travels
 from .continuation import (
     MOST_PROJECTED,
     Continuation,
     balanced_at_rest,
-    ends_of_parts,
     initial_guess,
     load_growth,
     load_steps,
@@ -155,12 +155,9 @@ class LoadStepper:
         chosen = solver_named(solver)
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
-        followed = *conditions.values(), *ply.terms
-        factors = [getattr(one, "factor", None) for one in followed]
-        factors += [x for one in ply.terms for x in getattr(one, "amounts", ())]
-        for factor in factors:
-            if check := getattr(factor, "check_steps", None):
-                check(self.load_factors)
+        of_terms = (amount for term in ply.terms for amount in term.amounts)
+        for amount in (*constraints.amounts, *of_terms):
+            amount.check_steps(self.load_factors)
         ends = *(conditions, self.load_factors), constraints.nodes
         endings = constraints_after(ply.basis, *ends)
         self.problem = problem = Problem(ply, constraints, chosen, endings)
