@@ -180,6 +180,11 @@ class Process:
         """Name of the phase that contains a load factor or ends there."""
         return self.names[max(bisect_left(self._ends, t) - 1, 0)]
 
+    def time(self, t: float, later: float) -> str:
+        """Load factor in words: its phase, or the end of it if ``later`` is beyond."""
+        name, after = self.phase_at(t), self.phase_at(later)
+        return f"{'the end of ' if after != name else ''}phase {name!r},"
+
     def at_ends(self, result: Result) -> list[int]:
         """Indices of the states at the ends of phases, and of the last state."""
         factors = [state.load_factor for state in result.states]

@@ -42,7 +42,7 @@ class Limits(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """What such a number is, in messages."""
+        """Description of such a number, in messages."""
         if self.least == -np.inf:
             return "a finite number"
         if self.most == np.inf:
@@ -278,6 +278,28 @@ class Programme(Rows):
             for between, values in zip(ends, steps, strict=True)
         ]
         keep(self, levels=tuple(levels.tolist()), parts=tuple(parts))
+
+
+@dataclass(frozen=True)
+class Following:
+    """Function whose load factor, its last argument, follows a programme."""
+
+    of: Callable[..., Any]
+    programme: Programme
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Value at the level of the programme at a load factor."""
+        *others, t = arguments
+        return self.of(*others, self.programme(t))
+
+    @property
+    def load_factors(self) -> list[float]:
+        """See `Rows.load_factors`."""
+        return self.programme.load_factors
+
+    def check_steps(self, load_factors: Sequence[float]) -> None:
+        """See `Rows.check_steps`."""
+        self.programme.check_steps(load_factors)
 
 
 def refuse_places(what: str, places: ndarray, limits: str, valid: bool) -> None:
