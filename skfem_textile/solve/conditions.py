@@ -142,7 +142,8 @@ class Condition:
     def values(self, name: str, X: ndarray, t: float, d: int = 2) -> ndarray:
         """Displacements along the fixed directions, shape (k, n)."""
         what, data = f"condition {name!r}: the value", self.value
-        t = self.amount(name)(t)
+        if self.factor is not proportional:
+            t = self.amount(name)(t)
         axes, n_nodes = self._axes(name, d), X.shape[1]
         if callable(self.value):
             data = call_user_function(what, self.value, X, t)

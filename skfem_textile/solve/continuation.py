@@ -12,6 +12,8 @@ from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,14 +85,18 @@ class LoadSteps:
 
     def ends(self, finer: int = 1) -> list[float]:
         """Load factors from 0 on at which steps end; or parts of these, if finer."""
-        load_factors, parts = [0.0], ends_of_parts(len(self.numbers))
-        for first, last, steps in zip(parts, parts[1:], self.numbers, strict=False):
+        load_factors, bounds = [0.0], pairwise(self._parts)
+        for (first, last), steps in zip(bounds, self.numbers, strict=True):
             load_factors += np.linspace(first, last, finer * steps + 1)[1:].tolist()
         return load_factors
 
     def number(self, t: float) -> int:
         """Number of steps of the part that contains a load factor or ends there."""
-        return self.numbers[bisect_left(ends_of_parts(len(self.numbers))[1:], t)]
+        return self.numbers[bisect_left(self._parts[1:], t)]
+
+    @cached_property
+    def _parts(self) -> list[float]:
+        return ends_of_parts(len(self.numbers))
 
     def length(self, t: float) -> float:
         """Length of these steps."""
