@@ -3,12 +3,20 @@
 import argparse
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from ..cases.read import CaseFile, declared, varied, with_value
+from ..cases.read import (
+    CaseFile,
+    CaseFileError,
+    declared,
+    read_tables,
+    varied,
+    with_value,
+)
 from ..cases.scenes import SCENES, Scene
 from ..cases.tables import (
     FILE,
@@ -388,6 +396,31 @@ def tables_of_options(
     if further := getattr(options, "vary", ()):
         case["vary"] = varied(case.get("vary", {})) | varied(dict(further))
     return case
+
+
+def with_tables(
+    options: argparse.Namespace, act: Callable[[Mapping[str, Any], Path], int]
+) -> int:
+    """Exit code of an act on the tables of a command, and the folder of their files.
+
+    Raises
+    ------
+    ValueError
+        An error of the act, which names what was typed, or the case file.
+    """
+    if not words.is_case_file(options.scene):
+        try:
+            return act(
+                tables_of_options({"scene": {"name": options.scene}}, options), Path()
+            )
+        except ValueError as error:
+            raise ValueError(as_typed(str(error), options)) from None
+    path = Path(options.scene)
+    tables = read_tables(path)
+    try:
+        return act(tables_of_options(tables, options), path.parent)
+    except ValueError as error:
+        raise CaseFileError(f"{printable(path)}: {error}") from None
 
 
 def _joined(value: Any) -> Any:
