@@ -137,7 +137,33 @@ class Obstacle:
         ValueError
             If the motion returns something else.
         """
-        return placed(f"{self.what}: motion", self.motion, t)
+        what, motion = f"{self.what}: motion", self.motion
+        if motion is None:
+            return np.eye(3), np.zeros(3)
+        moved: Any = motion
+        if callable(motion):
+            moved = call_user_function(what, motion, t)
+        pair = isinstance(moved, tuple | list) and len(moved) == 2
+        rotation, translation = moved if pair else (np.eye(3), moved)
+        rotation = real_numbers(what, rotation)
+        translation = real_numbers(what, translation)
+        known = translation.shape == (3,) and rotation.shape == (3, 3)
+        if not known or (pair and not callable(motion)):
+            raise ValueError(
+                f"{what} must be a final translation of three components, or a "
+                "function of the load factor that returns a translation, or a rotation "
+                f"matrix and a translation, got {' '.join(repr(moved).split())}"
+            )
+        if not callable(motion):
+            translation = t * translation
+        if not np.isfinite(translation).all():
+            raise ValueError(f"{what} is not finite at load factor {t:g}")
+        off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+        if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
+            raise ValueError(
+                f"{what}: the matrix at load factor {t:g} is not a rotation"
+            )
+        return rotation, translation
 
     def gaps(self, x: ndarray, t: float) -> Gaps:
         """Gaps of points, shape (3, n).
@@ -250,34 +276,6 @@ class Obstacle:
                 "tool, or specify its side"
             )
         return side
-
-
-def placed(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndarray]:
-    """Rotation matrix and translation of a motion at a load factor; see `Obstacle`."""
-    if motion is None:
-        return np.eye(3), np.zeros(3)
-    moved: Any = motion
-    if callable(motion):
-        moved = call_user_function(what, motion, t)
-    pair = isinstance(moved, tuple | list) and len(moved) == 2
-    rotation, translation = moved if pair else (np.eye(3), moved)
-    rotation = real_numbers(what, rotation)
-    translation = real_numbers(what, translation)
-    known = translation.shape == (3,) and rotation.shape == (3, 3)
-    if not known or (pair and not callable(motion)):
-        raise ValueError(
-            f"{what} must be a final translation of three components, or a "
-            "function of the load factor that returns a translation, or a rotation "
-            f"matrix and a translation, got {' '.join(repr(moved).split())}"
-        )
-    if not callable(motion):
-        translation = t * translation
-    if not np.isfinite(translation).all():
-        raise ValueError(f"{what} is not finite at load factor {t:g}")
-    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
-        raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")
-    return rotation, translation
 
 
 def turned(rotation: ndarray, H: ndarray) -> ndarray:
@@ -425,11 +423,12 @@ class ToolTerm(ElementTerm):
     nodes
         Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
     amounts
-        Its motion, friction, and gap, pressure or force.
+        Motion, friction, and gap, pressure or force of the tool, as stated.
     """
 
     role = "load"
     friction: Any = None
+    amounts: tuple[Any, ...] = ()
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
         self.name, self._obstacle = name, obstacle

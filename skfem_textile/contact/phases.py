@@ -19,7 +19,6 @@ from ..mesh.user_input import real_numbers, shortened
 from ..ply.amount import Limits, Part, Rows, ends_of_parts, refuse_places
 from ..solve.continuation import LoadSteps
 from ..solve.result import Result
-from .obstacle import placed
 from .tool import LIMITS, AboutAxis, Holder, Tool
 
 
@@ -430,5 +429,14 @@ def _text(values: ndarray, of: Limits) -> str:
 
 def _travel(t: float, motion: Any) -> float:
     """Distance from the initial position in mm, see `contact.travel`."""
-    (_, first), (_, now) = (placed("motion", motion, x) for x in (0.0, t))
+    first, now = (_translation(s, motion) for s in (0.0, t))
     return float(np.linalg.norm(now - first))
+
+
+def _translation(t: float, motion: Any) -> ndarray:
+    if motion is None:
+        return np.zeros(3)
+    moved = motion(t) if callable(motion) else t * real_numbers("motion", motion)
+    return np.asarray(
+        moved[1] if isinstance(moved, tuple | list) and len(moved) == 2 else moved
+    )
