@@ -347,5 +347,5 @@ def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
     if callable(tool.friction) or tool.friction:
         term.with_friction(coefficient, slip)
     stated = ((name, getattr(tool, name, None)) for name in LIMITS)
-    term.amounts = [Amount(f"{what}: {name}", x) for name, x in stated if x is not None]
+    term.amounts = tuple(Amount(f"{what}: {k}", x) for k, x in stated if x is not None)
     return term

@@ -354,6 +354,14 @@ def test_steps_that_pass_the_end_of_a_phase_are_refused():
         LoadStepper(ply, SYMMETRY, 4)
 
 
+def test_steps_that_pass_a_turn_within_a_phase_are_refused():
+    """Although each phase ends with a step."""
+    process = Process([moving([[0.5, 0, 0, 8], [1, 0, 0, 4]])], tools())
+    ply = blank(terms=process.tools)
+    with pytest.raises(ValueError, match=r"share 0\.5, within one of 3 steps"):
+        LoadStepper(ply, SYMMETRY, 3)
+
+
 def test_crossing_tools_at_the_end_of_a_phase_are_refused():
     """Between the load factors that are otherwise checked, quarters of the load."""
     punch, die, _ = tools()
