@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from ..mesh.user_input import real_numbers, shortened
 from ..ply.amount import Limits, Part, Rows, ends_of_parts, refuse_places
-from ..solve.continuation import LoadSteps
+from ..solve.continuation import LoadSteps, refuse_steps
 from ..solve.result import Result
 from .tool import LIMITS, AboutAxis, Holder, Tool
 
@@ -330,13 +330,8 @@ def _refuse_phases(phases: Sequence[Phase], tools: Sequence[str]) -> None:
             )
         if names.count(phase.name) > 1:
             raise ValueError(f"two phases have the name {phase.name!r}: rename one")
-        steps, what = phase.steps, f"phase {phase.name!r}"
-        whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
-        if not (whole and steps >= 1):
-            raise ValueError(
-                f"{what}: steps must be a whole number of at least 1, got "
-                f"{shortened(steps)}"
-            )
+        what = f"phase {phase.name!r}"
+        refuse_steps(f"{what}: steps", phase.steps)
         _refuse_unknown(what, phase.tools, tools)
 
 

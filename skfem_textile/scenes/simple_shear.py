@@ -25,7 +25,12 @@ from ..ply.loads import Traction
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
 from ..solve.result import Result
-from .rectangle import given_or_rectangle, misfit, require_edges
+from .rectangle import (
+    given_or_rectangle,
+    misfit,
+    refuse_unless_positive,
+    require_edges,
+)
 from .scene import Scene, with_parameters
 
 # Name of the tension, which differs from the term of the fibre tension.
@@ -127,10 +132,7 @@ def _tension(across: str, tension: float | None) -> float:
             )
         return 0.0
     tension = declared.SHEAR_TENSION if tension is None else tension
-    if not 0 <= tension < np.inf:
-        raise ValueError(
-            f"simple_shear: the tension must be 0 or positive, got {tension:g} N/mm"
-        )
+    refuse_unless_positive("simple_shear: the tension", tension, " N/mm", "0 or ")
     return tension
 
 

@@ -106,12 +106,17 @@ class LoadSteps:
 def load_steps(steps: Any) -> LoadSteps:
     """Validated numbers of steps."""
     if not isinstance(steps, list | tuple):
-        refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
+        refuse_steps("steps", steps)
         return LoadSteps((int(steps),))
     for part, number in enumerate(steps, 1):
-        refuse_unless_whole(f"steps of part {part}", number, 1, _MOST_STEPS)
-    refuse_unless_whole("the sum of steps", sum(steps), 1, _MOST_STEPS)
+        refuse_steps(f"steps of part {part}", number)
+    refuse_steps("the sum of steps", sum(steps))
     return LoadSteps(tuple(map(int, steps)))
+
+
+def refuse_steps(name: str, number: Any) -> None:
+    """Refuse what is not a number of steps."""
+    refuse_unless_whole(name, number, 1, _MOST_STEPS)
 
 
 def refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
