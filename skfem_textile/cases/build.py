@@ -26,7 +26,7 @@ from ..fabric.directions import FibreDirections, directions_of, warn_of_directio
 from ..fabric.regions import fabric_of_regions
 from ..mesh.extents import warn_of_outline
 from ..mesh.selection import SINGULAR
-from ..mesh.user_input import coords, printable
+from ..mesh.user_input import coords, errors_in, printable
 from ..outlines.drawings import kind_of_drawing
 from ..ply.amount import AmountLike, proportional
 from ..ply.formulations import DEFAULT
@@ -34,7 +34,7 @@ from ..ply.loads import BodyForce, Force
 from ..ply.terms import Load
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
-from .fabrics import errors_in, fabric_of, fabric_of_tables
+from .fabrics import fabric_of, fabric_of_tables
 from .phases import described_phase, furthest, in_phases
 from .read import (
     CaseFile,
@@ -115,10 +115,8 @@ def case_from_file(path: str | os.PathLike[str]) -> Case:
     """
     path = Path(path)
     tables = read_tables(path)
-    try:
+    with errors_in(f"{printable(path)}: ", CaseFileError):
         return case_from_tables(tables, path.parent)
-    except CaseFileError as error:
-        raise CaseFileError(f"{printable(path)}: {error}") from None
 
 
 def case_from_tables(
@@ -148,10 +146,8 @@ def case_from_tables(
     Traceback (most recent call last):
     skfem_textile.cases.read.CaseFileError: stepping.steps is a function, ...
     """
-    try:
+    with errors_in("", CaseFileError):
         return built(declared(tables, folder), default=default_laws(tables))
-    except ValueError as error:
-        raise CaseFileError(str(error)) from None
 
 
 def _defaults(file: CaseFile, case: Case, default: Collection[str]) -> str:

@@ -1,7 +1,6 @@
 """Fabrics of cases: from files, with samples, and as tables of a case file."""
 
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -16,7 +15,7 @@ from ..fabric import (
     TwoLaws,
 )
 from ..fabric.law import n_slips
-from ..mesh.user_input import printable
+from ..mesh.user_input import errors_in
 from .schema import (
     Bending,
     FabricOfFile,
@@ -30,15 +29,6 @@ from .write import tables_of
 
 if TYPE_CHECKING:
     from ..io.fabrics import FabricOfFile as FabricWithOrigin
-
-
-@contextmanager
-def errors_in(place: str) -> Iterator[None]:
-    """Let errors begin with the place of their values in the case."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{place}{printable(error)}") from None
 
 
 def fabric_of_tables(

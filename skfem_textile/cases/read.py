@@ -16,7 +16,7 @@ import msgspec
 from msgspec import Struct
 
 from ..declarations.scenes import GRADED, AnyScene, WithTools
-from ..mesh.user_input import excerpt, printable
+from ..mesh.user_input import errors_in, excerpt, printable
 from .phases import PhaseTable, ToolInPhase, furthest
 from .scenes import SCENES
 from .scenes import AnyScene as SceneTable
@@ -108,12 +108,10 @@ def read_tables(path: Path) -> dict[str, Any]:
     """
     with open(path, "rb") as file:
         data = file.read(_MOST_BYTES + 1)
-    try:
+    with errors_in(f"{printable(path)}: ", CaseFileError):
         if len(data) > _MOST_BYTES:
             raise ValueError(f"a case file may contain at most {_MOST_BYTES} bytes")
         return _toml(data)
-    except ValueError as error:
-        raise CaseFileError(f"{printable(path)}: {error}") from None
 
 
 def _toml(data: bytes) -> dict[str, Any]:
@@ -146,11 +144,10 @@ def declared(
         one line and names the key.
     """
     try:
-        case = _case(tables)
+        with errors_in("", CaseFileError):
+            case = _case(tables)
     except RecursionError:
         raise CaseFileError("tables are nested too deeply") from None
-    except ValueError as error:
-        raise CaseFileError(str(error)) from None
     return with_files(case, partial(_found, folder))
 
 
@@ -193,10 +190,8 @@ def _found(folder: str | os.PathLike[str], path: str, name: str) -> str:
         return str(Path(folder) / name)
     from ..fabric.catalogue import file_of  # needed for few cases
 
-    try:
+    with errors_in(f"{path} ", CaseFileError):
         return str(file_of(name))
-    except ValueError as error:
-        raise CaseFileError(f"{path} {error}") from None
 
 
 def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") -> Any:

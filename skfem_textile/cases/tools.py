@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 from msgspec import Meta
 
 from .. import declarations as declared
+from ..mesh.user_input import errors_in
 from .tables import (
     FILE,
     DeclaredTable,
@@ -141,10 +142,8 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         outline = None
         if self.outline_mm is not None:
             outline = np.array(self.outline_mm).reshape(-1, 2).T - axes.origin[:2, None]
-        try:
+        with errors_in(f"{what}: "):
             surface = self.surface_in(axes)
-        except ValueError as error:
-            raise ValueError(f"{what}: {error}") from None
         common: dict[str, Any] = {
             "surface": surface,
             "motion": self._motion(what, axes, turned),

@@ -3,7 +3,8 @@
 import argparse
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import NoneType
@@ -28,7 +29,7 @@ from ..cases.write import key_help, meaning, tables_of
 from ..declarations import words
 from ..declarations.scenes import AnyScene, Specimen, WithTools
 from ..declarations.words import Options, option
-from ..mesh.user_input import printable
+from ..mesh.user_input import errors_in, printable
 from .options import OUTPUTS, add
 from .output import say
 
@@ -200,12 +201,17 @@ def add_exports(parser: argparse.ArgumentParser, others: Options) -> None:
     parser.set_defaults(flags={**flags, "mesh.unit": "--outline-unit"})
 
 
-def as_typed(message: str, options: argparse.Namespace) -> str:
-    """Message with the options that were typed, or exist, in place of case keys."""
-    typed = *getattr(options, "set", ()), *getattr(options, "vary", ())
-    by_key = {path for path, _ in typed}
-    flags = {k: f for k, f in options.flags.items() if k not in by_key}
-    return _KEY.sub(lambda found: flags.get(found[0], found[0]), message)
+@contextmanager
+def typed(options: argparse.Namespace) -> Iterator[None]:
+    """Let errors have the options that were typed, or exist, in place of case keys."""
+    try:
+        yield
+    except ValueError as error:
+        given = *getattr(options, "set", ()), *getattr(options, "vary", ())
+        by_key = {path for path, _ in given}
+        flags = {k: f for k, f in options.flags.items() if k not in by_key}
+        text = _KEY.sub(lambda found: flags.get(found[0], found[0]), str(error))
+        raise ValueError(text) from None
 
 
 def _add_scene(
@@ -389,10 +395,8 @@ def tables_of_options(
                     f"`{options.command}`"
                 )
     for path, value in [*settings, *further]:
-        try:
+        with errors_in(f"--set {path}: "):
             case = with_value(case, path, value)
-        except ValueError as error:
-            raise ValueError(f"--set {path}: {error}") from None
     if further := getattr(options, "vary", ()):
         case["vary"] = varied(case.get("vary", {})) | varied(dict(further))
     return case
@@ -408,19 +412,13 @@ def with_tables(
     ValueError
         An error of the act, which names what was typed, or the case file.
     """
+    path, tables = Path(options.scene), {"scene": {"name": options.scene}}
     if not words.is_case_file(options.scene):
-        try:
-            return act(
-                tables_of_options({"scene": {"name": options.scene}}, options), Path()
-            )
-        except ValueError as error:
-            raise ValueError(as_typed(str(error), options)) from None
-    path = Path(options.scene)
+        with typed(options):
+            return act(tables_of_options(tables, options), Path())
     tables = read_tables(path)
-    try:
+    with errors_in(f"{printable(path)}: ", CaseFileError):
         return act(tables_of_options(tables, options), path.parent)
-    except ValueError as error:
-        raise CaseFileError(f"{printable(path)}: {error}") from None
 
 
 def _joined(value: Any) -> Any:

@@ -10,6 +10,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 from ..declarations.scenes import OnRectangle, OnTool, PlyOptions
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..mesh.selection import named_nodes
+from ..mesh.user_input import refuse_unknown
 from ..solve.conditions import Condition
 
 KINDS = "aligned", "irregular", "horizontal", "vertical", "delaunay"
@@ -61,8 +62,7 @@ def rectangle(
     150
     """
     nx, ny = size
-    if kind not in KINDS:
-        raise ValueError(f"unknown mesh {kind!r}: choose one of {', '.join(KINDS)}")
+    refuse_unknown("mesh", kind, KINDS)
     refuse_unless_positive("the width", width, " mm")
     refuse_unless_positive("the height", height, " mm")
     if nx < 1 or ny < 1:

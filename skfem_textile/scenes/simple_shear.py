@@ -21,6 +21,7 @@ from numpy import ndarray
 
 from ..declarations import scenes as declared
 from ..fabric import Law
+from ..mesh.user_input import errors_in, refuse_unknown
 from ..ply.loads import Traction
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
@@ -83,11 +84,8 @@ def simple_shear(given: declared.SimpleShear) -> Scene:
             "simple_shear: the shear angle must be between 0 and 90 degrees, got "
             f"{np.degrees(gamma):g} degrees"
         )
-    if across not in declared.ACROSS:
-        raise ValueError(
-            f"simple_shear: unknown motion across the clamps {across!r}: choose one of "
-            f"{', '.join(declared.ACROSS)}"
-        )
+    with errors_in("simple_shear: "):
+        refuse_unknown("motion across the clamps", across, declared.ACROSS)
     tension = _tension(across, given.tension)
     mesh = given_or_rectangle(given, given.width, given.height, given.warp, given.weft)
     require_edges("simple_shear", mesh, ("bottom", "top"))

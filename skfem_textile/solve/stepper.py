@@ -14,7 +14,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.progress import clear, shown
-from ..mesh.user_input import real_numbers, shortened
+from ..mesh.user_input import real_numbers, refuse_unknown, shortened
 from ..ply import Ply
 from ..ply.amount import ends_of_parts
 from .conditions import Conditions, Constraints, constraints_after, travels
@@ -653,15 +653,14 @@ def _check_arguments(
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     refuse_unless_whole("max_halvings", max_halvings, 0, _MOST_HALVINGS)
-    known = ", ".join(CHECKS)
     # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
         raise ValueError(
-            f"warn_only must be a list of checks ({known}), got {shortened(warn_only)}"
+            f"warn_only must be a list of checks ({', '.join(CHECKS)}), got "
+            f"{shortened(warn_only)}"
         )
     for name in warn_only:
-        if name not in [*CHECKS]:  # names may have any type, even an unhashable one
-            raise ValueError(f"unknown check {name!r}: choose one of {known}")
+        refuse_unknown("check", name, CHECKS)
     for name, function in callbacks.items():
         if function is not None and not callable(function):
             raise ValueError(f"{name} must be a function, not {function!r}")
