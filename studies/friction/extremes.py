@@ -13,7 +13,7 @@ from skfem_textile.solve.states import Iteration
 from ..common.running import errors_only, run
 from ..common.tables import markdown_table
 from ..study import Row
-from .drawn import JUDGED, MONOTONE, TOOLS, Drawn, Problem
+from .drawn import JUDGED, MONOTONE, PHASES, TOOLS, Drawn, Problem
 from .oracle import LIMITS, Oracle
 
 #: Seed of all cases, and number of stored ones, which judge the library.
@@ -153,20 +153,21 @@ def extremes() -> list[Extreme]:
 def outcomes(rows: list[Row]) -> str:
     """Number of cases by tools and outcome, and of accepted ones with a warning."""
     lines = []
-    for tools in TOOLS:
-        of = [row for row in rows if row["tools"] == tools]
+    kinds = {tools: [row for row in rows if row["tools"] == tools] for tools in TOOLS}
+    kinds["all"] = rows
+    kinds["of all, in phases"] = [row for row in rows if row["motion"] == PHASES]
+    for kind, of in kinds.items():
         counts = Counter(row["outcome"] for row in of)
         warned = sum(row["outcome"] == RIGHT and not row["resolved"] for row in of)
         found = [counts[outcome] for outcome in OUTCOMES]
-        lines.append([tools, len(of), *found, warned])
-    total = np.array([line[1:] for line in lines]).sum(axis=0)
+        lines.append([kind, len(of), *found, warned])
     heads = [
         "tools",
         "drawn",
         *OUTCOMES,
         "right with the warning of an unresolved path",
     ]
-    return markdown_table(heads, [*lines, ["all", *total]])
+    return markdown_table(heads, lines)
 
 
 def causes(rows: list[Row]) -> str:
