@@ -126,9 +126,10 @@ class Pattern:
         col, j = np.divmod(entries.col, d)
         below = np.flatnonzero(row >= col)
         block = self._blocks(row[below], col[below])
-        inside, block = below[block >= 0], block[block >= 0]
-        slots = (d * block + i[inside]) * d + j[inside]
-        return _Added(K, slots, inside, np.setdiff1d(below, inside))
+        known = block >= 0
+        inside = below[known]
+        slots = (d * block[known] + i[inside]) * d + j[inside]
+        return _Added(K, slots, inside, below[~known])
 
     def _blocks(self, row: ndarray, col: ndarray) -> ndarray:
         """Numbers of the blocks of pairs of nodes, −1 outside the pattern."""
