@@ -169,8 +169,8 @@ def _first_tangent(
     """Tangent and parameters of the first increment.
 
     Where the tangent at the start is singular, a fibre tension is added to it. On
-    surfaces, which move with the load factor, the parameters are then updated with the tension due to the loads, because
-    those at rest are too small if it is large.
+    surfaces, which move with the load factor, the parameters are then updated with the
+    tension due to the loads, because those at rest are too small if it is large.
     """
     u, p = start.u, start.parameters
     regular = start.tangent and start.tangent.negative_pivots is not None
