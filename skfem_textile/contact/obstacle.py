@@ -365,6 +365,7 @@ class ContactPoints:
             self.matrix = contact_points(basis.mesh, mirrors)
         self._mirrors = [nodes_and_normal(basis.mesh, edges) for edges in mirrors]
         self.nodes, self._weights = _padded(self.matrix)
+        self._to_nodes = csr_matrix(self.matrix.T)
 
     def positions(self, u: ndarray) -> ndarray:
         """Positions at a displacement in mm, shape (3, n_nodes)."""
@@ -391,7 +392,7 @@ class ContactPoints:
 
     def nodal(self, f: ndarray) -> ndarray:
         """DOF vector of forces on the contact points, shape (n_nodes, 3)."""
-        return np.ravel(self.matrix.T @ f)
+        return np.ravel(self._to_nodes @ f)
 
     def matrices(self, K: ndarray) -> ndarray:
         """Arguments of `Pattern.sum` for blocks at the points, (3, 3, n_nodes)."""
@@ -606,6 +607,8 @@ class ToolContact(ToolTerm, ContactTerm):
         """−max(λ − κ g, 0) ∇g."""
         force = self.forces(u, t, p)
         f = np.zeros((len(force), 3))
+        if not (force.any() or self.friction):
+            return f.ravel()
         if force.any():
             nodes = np.flatnonzero(force)
             normal, _ = self._obstacle.derivatives(self._at(u, t), nodes, t)

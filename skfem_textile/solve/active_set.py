@@ -327,7 +327,7 @@ class _LinearGaps:
         """
         touches, n = self.force > 0, self.normal
         force = np.where(touches, self.multiplier - self.kappa * self.gap, 0.0)
-        nodal = sum(self.points.T @ -(x * m).T for x, m in zip(force, n, strict=True))
+        nodal = self.points.T @ -(force[:, None] * n).sum(axis=0).T
         of_gap = np.where(np.isfinite(self.gap), STIFFNESS_OF_GAP, 0.0)
         kappa = (self.kappa * np.where(touches, 1.0, of_gap))[:, None, None]
         stiffness = (kappa * n[:, :, None] * n[:, None]).sum(axis=0).T
