@@ -111,6 +111,11 @@ class Friction:
         start = np.linalg.norm(self._elastic(p), axis=0)
         return float(p["bound"] @ (self._height(size) - self._height(start)))
 
+    def stored(self, u: ndarray, t: float, p: Values) -> float:
+        """Energy of the elastic slips, Σ b h of their lengths, in N·mm."""
+        _, size = self._slipped(u, t, p)
+        return float(p["bound"] @ self._height(np.minimum(size, self.slip)))
+
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Derivative of the energy by the contact points in N, shape (n_nodes, 3)."""
         return (self._placement(t)[0] @ self._force(u, t, p)).T

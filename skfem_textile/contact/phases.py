@@ -18,6 +18,7 @@ from ..mesh.user_input import real_numbers, shortened
 from ..solve.continuation import ends_of_parts
 from ..solve.programme import interpolated, refuse_turns
 from ..solve.result import Result
+from .motion import travelled
 from .tool import MOST_FRICTION, AboutAxis, Holder, Tool
 
 
@@ -227,7 +228,7 @@ class Process:
         self.steps = tuple(phase.steps for phase in self.phases)
         self._ends = ends_of_parts(len(self.phases))
         moving = [self._moving(tool, axes.get(tool.name)) for tool in tools]
-        self._travels = {x.name: partial(_travel, motion=x.motion) for x in moving}
+        self._travels = {x.name: partial(_travel, tool=x) for x in moving}
         self.tools = tuple(map(self._changing, moving))
         self.loads = self._amount("loads", None, 0.0, [x.loads for x in self.phases])
 
@@ -509,16 +510,6 @@ def _text(values: ndarray, of: _Quantity | None = None) -> str:
     )
 
 
-def _travel(t: float, motion: Any) -> float:
+def _travel(t: float, tool: Any) -> float:
     """Distance from the initial position in mm, see `contact.travel`."""
-    first, now = (_translation(s, motion) for s in (0.0, t))
-    return float(np.linalg.norm(now - first))
-
-
-def _translation(t: float, motion: Any) -> ndarray:
-    if motion is None:
-        return np.zeros(3)
-    moved = motion(t) if callable(motion) else t * real_numbers("motion", motion)
-    return np.asarray(
-        moved[1] if isinstance(moved, tuple | list) and len(moved) == 2 else moved
-    )
+    return float(np.linalg.norm(travelled(f"tool {tool.name!r}", tool.motion, t)))

@@ -17,7 +17,8 @@ from ..mesh.user_input import call_user_function, keep_copies, real_numbers, sho
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import COMPARED, Amount, HolderPressure, function_of, validated_at
-from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
+from .motion import Motion
+from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
 if TYPE_CHECKING:

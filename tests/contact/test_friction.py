@@ -137,6 +137,13 @@ def test_a_strip_between_two_plates_is_pulled_by_the_friction_of_both(steps):
     assert "without friction only" in result.error.reason
 
 
+def test_potentials_of_tools_are_independent_of_the_number_of_steps():
+    """They do not contain the potential of friction, which belongs to a step."""
+    for steps in (1, 3):
+        potentials = between_plates(2.0, 0, steps).states[-1].potentials
+        assert potentials == pytest.approx({"plate": 0.0, "holder": 0.0}, abs=1e-9)
+
+
 def test_the_work_of_sliding_is_that_of_the_pull_less_what_is_elastic():
     """The bound times the path, less the elastic slip and stretch of the strip."""
     result = between_plates(2.0, 0, 3)
