@@ -14,12 +14,13 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy import ndarray
 
+from ..declarations import MOST_FRICTION
 from ..mesh.user_input import real_numbers, shortened
 from ..solve.continuation import ends_of_parts
 from ..solve.programme import interpolated, refuse_turns
 from ..solve.result import Result
 from .motion import travelled
-from .tool import MOST_FRICTION, AboutAxis, Holder, Tool
+from .tool import AboutAxis, Holder, Tool
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis
 
+from ..declarations import ELASTIC_SLIP, MOST_FRICTION
 from ..fabric.law import number
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from ..solve.on_surface import in_axes_of_ply
@@ -98,7 +99,7 @@ class Tool:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     friction: Amount = 0.0
-    elastic_slip: float = 0.02
+    elastic_slip: float = ELASTIC_SLIP
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -167,7 +168,7 @@ class Holder:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     friction: Amount = 0.0
-    elastic_slip: float = 0.02
+    elastic_slip: float = ELASTIC_SLIP
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -250,9 +251,6 @@ def _check_compaction(what: str, law: "CompactionLaw") -> None:
 
 
 _Term = TypeVar("_Term", bound=ToolTerm)
-
-#: Largest coefficient of friction.  A coefficient in percent is larger.
-MOST_FRICTION = 2.0
 
 
 @dataclass(frozen=True)
