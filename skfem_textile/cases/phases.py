@@ -66,21 +66,10 @@ class ToolInPhase(Table):
 
     def build(self) -> dict[str, Any]:
         """Values by the names of `contact.Phase`, angles in radians."""
-        built = {_NAMES[key]: built_value(x) for key, x in self.stated().items()}
-        if "rotation" in built:
-            built["rotation"] = in_radians(built["rotation"])
-        return built
-
-
-# Names in Python.
-_NAMES = {
-    "motion_mm": "motion",
-    "motion_deg": "rotation",
-    "gap_mm": "gap",
-    "pressure_N_per_mm2": "pressure",
-    "force_N": "force",
-    "friction": "friction",
-}
+        given = self.stated()
+        if (rotation := given.pop("motion_deg", None)) is not None:
+            given["rotation"] = in_radians(rotation)
+        return {key.partition("_")[0]: built_value(x) for key, x in given.items()}
 
 
 class PhaseTable(Table):
