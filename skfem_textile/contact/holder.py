@@ -235,7 +235,7 @@ def contacts(ply: Ply) -> list[ToolContact]:
 
 
 def pressing(ply: Ply) -> list[ToolTerm]:
-    """Contacts of a ply, and holders with a prescribed pressure."""
+    """Contacts of a ply, and holders with a pressure or a force."""
     return [term for term in ply.terms if isinstance(term, ToolTerm)]
 
 

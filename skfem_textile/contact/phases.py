@@ -102,8 +102,8 @@ class Process:
 
     Attributes
     ----------
-    phases
-        The phases.
+    phases, names
+        The phases, and their names.
     tools
         The tools, whose motions, friction and so on are functions of the load factor.
     steps
@@ -226,7 +226,7 @@ class Process:
                 own = [x for x in _OF_HOLDERS if getattr(tool, x, None) is not None]
                 raise ValueError(
                     f"{where} is a holder with a {own[0]}, not a {quantity}: state its "
-                    f"{own[0]}, or give it a {quantity} instead before the first phase"
+                    f"{own[0]}, or replace it by a holder with a {quantity}"
                     if own
                     else f"{where} has no {quantity}: a holder states its {quantity} "
                     "before the first phase"

@@ -196,8 +196,9 @@ class Holder:
         Raises
         ------
         ValueError
-            See `Tool.on`; also if not exactly one of gap and pressure is given, or it
-            is negative, or no part of the ply is within the outline.
+            See `Tool.on`; also if not exactly one of gap, pressure and force is given,
+            or it is negative, a force has no law of compaction, or no part of the ply
+            is within the outline.
         """
         what = f"holder {self.name!r}"
         given = self.gap, self.pressure, self.force
@@ -205,9 +206,8 @@ class Holder:
             raise ValueError(f"{what}: specify either a gap, a pressure or a force")
         if self.compaction is None and self.force is not None:
             raise ValueError(
-                f"tool {self.name!r}: its force makes it a holder, which requires a "
-                "law of compaction of the ply: set compaction, or, for a tool that "
-                "moves, omit the force"
+                f"{what}: a force requires a law of compaction of the ply: set "
+                "compaction, or, for a tool that moves, omit the force"
             )
         if self.compaction is not None and self.force is None:
             raise ValueError(

@@ -577,7 +577,7 @@ def problems() -> Iterator[Any]:
     yield from map(Turning, (1, 2, 4, 5, 8, 16))
     for parts, steps in _RESOLUTIONS:
         yield Hemisphere(parts, steps)
-    yield from (Hemisphere(24, 20, 0.2, 0.1), Hemisphere(24, 20, 0.2, 0.005))
+    yield from (Hemisphere(24, 20, 0.2, slip) for slip in (0.1, 0.005, 0.001))
     for parts, steps in _RESOLUTIONS:
         yield Hemisphere(parts, steps, 0.0)
     for parts, steps in _RESOLUTIONS[:-1]:

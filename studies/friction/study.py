@@ -43,7 +43,7 @@ def _difference(x: float | None) -> str:
 
 
 def belts(rows: list[Row]) -> str:
-    """Tensions of belts against those of polygons."""
+    """Tensions of belts against exact ones of polygons."""
     columns = {"belt": "{belt}", "tension in N/mm": "{force:.5f}"}
     columns |= {"of the polygon": "{exact:.5f}", "difference": "{off:.1e}"}
     columns |= {

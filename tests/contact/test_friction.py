@@ -316,6 +316,17 @@ def test_a_large_force_has_a_thickness_or_the_law_is_refused():
         RigidHolder(lambda t: force, Saturating()).pressed(1.0, areas, np.ones(2))
 
 
+@pytest.mark.parametrize("last", [(0.010, 0.0101), (0.010, 0.02)])
+def test_a_measured_law_rises_beyond_its_last_point(last):
+    """Also one that flattens towards it, whose curve ends level."""
+    law = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, *last))
+    p = law.pressure_at(np.array([0.2, 0.19, 0.1]))
+    ratio = (1 / 0.1 - 1 / 0.2) / (1 / 0.19 - 1 / 0.2)
+    assert p[0] == pytest.approx(last[1])
+    assert p[1] > p[0] + 1e-5
+    assert p[2] - p[0] == pytest.approx(ratio * (p[1] - p[0]))  # linear in 1/t
+
+
 # A hemisphere
 
 
