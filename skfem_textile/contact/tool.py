@@ -12,20 +12,19 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis
 
+from ..declarations import ELASTIC_SLIP, MOST_FRICTION
 from ..fabric.law import number
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from ..ply.amount import Amount, AmountLike, Limits, Rows
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import COMPARED, HolderPressure
-from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
+from .motion import Motion
+from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
 if TYPE_CHECKING:
     from .compaction import CompactionLaw, RigidHolder
-
-#: Largest coefficient of friction.  A coefficient in percent is larger.
-MOST_FRICTION = 2.0
 
 #: Limits of the amounts of tools, by name.
 LIMITS = {
@@ -115,7 +114,7 @@ class Tool:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     friction: AmountLike = 0.0
-    elastic_slip: float = 0.02
+    elastic_slip: float = ELASTIC_SLIP
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -184,7 +183,7 @@ class Holder:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     friction: AmountLike = 0.0
-    elastic_slip: float = 0.02
+    elastic_slip: float = ELASTIC_SLIP
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -197,8 +196,9 @@ class Holder:
         Raises
         ------
         ValueError
-            See `Tool.on`; also if not exactly one of gap and pressure is given, or it
-            is negative, or no part of the ply is within the outline.
+            See `Tool.on`; also if not exactly one of gap, pressure and force is given,
+            or it is negative, a force has no law of compaction, or no part of the ply
+            is within the outline.
         """
         what = f"holder {self.name!r}"
         given = self.gap, self.pressure, self.force
@@ -206,9 +206,8 @@ class Holder:
             raise ValueError(f"{what}: specify either a gap, a pressure or a force")
         if self.compaction is None and self.force is not None:
             raise ValueError(
-                f"tool {self.name!r}: its force makes it a holder, which requires a "
-                "law of compaction of the ply: set compaction, or, for a tool that "
-                "moves, omit the force"
+                f"{what}: a force requires a law of compaction of the ply: set "
+                "compaction, or, for a tool that moves, omit the force"
             )
         if self.compaction is not None and self.force is None:
             raise ValueError(

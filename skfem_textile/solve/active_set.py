@@ -134,6 +134,10 @@ class Relaxed:
 
     The bound of friction follows the contact force, and this the friction: in a wedge,
     which friction jams, both would alternate.
+
+    With one unknown it is the relaxation of Irons & Tuck (1969).  With several, their
+    share is multiplied by −Δ₀·(Δ₁ − Δ₀)/|Δ₁ − Δ₀|², with the last changes Δ₀ and Δ₁;
+    this one by 1/(1 − Δ₁·Δ₀/|Δ₀|²), the factor of a change that only alternates.
     """
 
     share: float = 1.0

@@ -133,7 +133,7 @@ def test_invalid_laws_of_compaction(make, message):
         ),
         (
             lambda: Holder(drape.Plane(), force=1.0, side=1),
-            "'holder': its force makes it a holder, which .*: set compaction, or,",
+            "holder 'holder': a force requires a law of compaction .*: set comp",
         ),
         (
             lambda: Holder(drape.Plane(), pressure=1.0, compaction=LAW, side=1),
