@@ -413,10 +413,13 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
             )
     if tools and not issubclass(of.declaration, Formed):
         scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
-    scene = replace(scene, driven=scene.driven or names[0])
     if file.phases:
         return in_phases(scene, file, tools)
-    return replace(scene, tools=all_tools)
+    if not tables:
+        return scene
+    from ..scenes.processes import with_tools
+
+    return with_tools(scene, all_tools)
 
 
 def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:

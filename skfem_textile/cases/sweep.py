@@ -95,7 +95,7 @@ class CaseSweep:
         figures by name and unit, ``linear solves``, ``load factor``, ``reason`` and
         ``warnings``.  Figures describe the last state, at this load factor; between
         tools that in which a complete run is `Case.described`, for example before the
-        driven tool returns.  A run without a converged step has none.  ``reason`` is
+        punch returns.  A run without a converged step has none.  ``reason`` is
         empty for a run that applied the whole load.
     """
 

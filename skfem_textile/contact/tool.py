@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy import ndarray
@@ -17,6 +17,7 @@ from ..mesh.user_input import call_user_function, keep_copies, real_numbers, sho
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import COMPARED, Amount, HolderPressure, function_of, validated_at
+from .motion import travelled
 from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
@@ -307,6 +308,32 @@ def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
     unit = np.array(axis) / np.abs(axis).max()
     unit /= np.linalg.norm(unit)
     return np.asarray(Rotation.from_rotvec(angle * unit).as_matrix())
+
+
+def farthest(tools: Sequence[Tool | Holder]) -> str:
+    """Name of the tool that travels farthest in a run, the first of equal ones.
+
+    Not of a holder with a pressure or force, whose force is not a reaction.
+
+    Raises
+    ------
+    ValueError
+        If there is no other tool.
+    """
+    far = {
+        tool.name: max(
+            float(np.linalg.norm(travelled(f"tool {tool.name!r}", tool.motion, t)))
+            for t in validated_at(cast(Any, tool.motion))
+        )
+        for tool in tools
+        if isinstance(tool, Tool) or tool.gap is not None
+    }
+    if not far:
+        raise ValueError(
+            f"tool {tools[0].name!r} is a holder with a pressure or force, but there "
+            "is no tool against which it presses: add one, or state its gap"
+        )
+    return max(far, key=far.__getitem__)
 
 
 def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
