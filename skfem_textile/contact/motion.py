@@ -53,7 +53,7 @@ def placement(tool: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
 def travelled(tool: str, motion: Motion | None, t: float) -> ndarray:
     """Translation from the initial position in mm, shape (3,).
 
-    Of a motion about an axis that of the axis, see `AboutAxis`; of a function that
+    For a motion about an axis the one of the axis, see `AboutAxis`; for a function that
     returns matrices the translation that it returns, of the point at the origin.
     """
     motion = getattr(motion, "translation", motion)
