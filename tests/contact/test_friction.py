@@ -572,6 +572,21 @@ def test_a_force_beyond_the_last_measured_point_is_a_warning(force, beyond):
     assert [x for x in result.warnings if "compaction" in x] == [expected] * beyond
 
 
+@pytest.mark.parametrize(("slip", "warned"), [(0.5, False), (2.0, True)])
+def test_an_elastic_slip_of_the_size_of_elements_is_a_warning(slip, warned):
+    holder = Holder(PLANE, pressure=0.1, side=1, friction=0.3, elastic_slip=slip)
+    ply = Ply(grid(50.0, 10.0, 2, 1), Fabric(1e3, 1.0), terms=[holder], dimension=3)
+    state = SimpleNamespace(
+        u=ply.basis.zeros(), load_factor=1.0, parameters=ply.parameters_at_rest
+    )
+    expected = (
+        "friction of tool 'holder' is elastic up to a slip of 2 mm, its elastic_slip, "
+        f"over 5% of the size of an element, {ply.mesh.param():.3g} mm: it restrains "
+        "the ply too little: use 0.02 to 0.1 mm"
+    )
+    assert ply.contradictions([state]) == [expected] * warned
+
+
 def test_a_force_without_a_ply_under_the_holder_is_a_warning():
     law, ring = Compaction(0.3, 1e-3, 8.0), [[30, 51, 51, 30], [-1, -1, 11, 11]]
     holder = Holder(PLANE, force=5.0, compaction=law, side=1, outline=ring)
