@@ -399,8 +399,8 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
         of.refuse_keys_of_tools(furthest(file.phases, "punch"))
     tools = []
     for number, tool in enumerate(tables, 1):
-        what = numbered("tools", number)
-        tools.append(tool.build(what, scene.axes, (tool.name or what) in turned))
+        name = tool.name or numbered("tools", number)
+        tools.append(tool.build(name, scene.axes, name in turned))
     all_tools = *scene.tools, *tools
     if not (scene.driven or all_tools):
         raise ValueError(
@@ -408,6 +408,8 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
             "tools in [[tools]]"
         )
     for name in names:
+        if name == "*":
+            raise ValueError("a tool has the name '*', which selects all: rename it")
         if names.count(name) > 1:
             raise ValueError(
                 f"two tools have the name {printable(name)!r}: rename one of them"

@@ -292,6 +292,12 @@ class Process:
             at = rows[:, 0]
             refuse_places(f"{what}: the travels", at, "from 0 mm", bool(at[0] >= 0))
             along = self._travels[value.tool]
+            if not any(map(along, LoadSteps(self.steps).ends())):
+                raise ValueError(
+                    f"{what} follows the travel of {value.tool!r}, which does not "
+                    "move: name a tool that moves, or state rows of the share of the "
+                    "phase"
+                )
             return Part(what, between, rows, along, "travel {:g} mm")
         value = value.tolist() if isinstance(value, ndarray) else value  # or a number
         if isinstance(value, _ROWS) and len(value) and isinstance(value[0], _ROWS):

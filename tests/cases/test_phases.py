@@ -157,6 +157,10 @@ SCENE = {"name": "hemisphere_forming"}
             tables(moved(0, 0, 1, tools={"pnch": {"motion_deg": 1}})),
         ),
         (
+            r"a tool has the name '\*', which selects all: rename it",
+            tables(GRAVITY, tools=[PUNCH | {"name": "*"}, HOLDER]),
+        ),
+        (
             "stepping.steps does not apply beside",
             tables(moved(0, 0, 1), stepping={"steps": 2}),
         ),

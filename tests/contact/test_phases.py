@@ -285,6 +285,10 @@ def holding(**amounts):
             [holding(gap=OverTravel(["punch"], [[0, 3], [2, 3]]))],
         ),
         (
+            "gap of 'holder' follows the travel of 'die', which does not move",
+            [holding(gap=OverTravel("die", [[0, 3], [2, 3]]))],
+        ),
+        (
             "motion of 'punch' does not follow the travel of a tool",
             [Phase("x", 1, {"punch": {"motion": OverTravel("die", [[0, 0, 0, 1]])}})],
         ),
