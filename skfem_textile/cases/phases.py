@@ -208,7 +208,8 @@ def _from_start(friction: InPhase | None) -> bool:
 
 def furthest(phases: Sequence[PhaseTable], tool: str) -> float | None:
     """The largest motion of a tool along z in mm, with its sign; None if not moved."""
-    moved = (phase.tools[tool].motion_mm for phase in phases if tool in phase.tools)
+    changes = (phase.of_each([tool]).tools.get(tool) for phase in phases)
+    moved = (change.motion_mm for change in changes if change)
     heights = [
         row[-1] if isinstance(row, tuple) else row
         for rows in moved

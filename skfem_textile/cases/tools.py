@@ -124,14 +124,14 @@ class ToolTable(DeclaredTable, tag_field="surface"):
     ] = None
 
     def build(
-        self, what: str, axes: "Axes", in_phases: Collection[str] = ()
+        self, name: str, axes: "Axes", in_phases: Collection[str] = ()
     ) -> "Tool | Holder":
         """Build the tool.
 
         Parameters
         ----------
-        what
-            Its name in messages, and the default of its name.
+        name
+            Its name, or the default of it.
         axes
             Axes of the ply in the axes of the tool.
         in_phases
@@ -146,7 +146,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
 
         from ..contact import Holder, Tool
 
-        outline = None
+        what, outline = (f"tools.{name}" if self.name else name), None
         if self.outline_mm is not None:
             outline = np.array(self.outline_mm).reshape(-1, 2).T - axes.origin[:2, None]
         with errors_in(f"{what}: "):
@@ -157,8 +157,10 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             "side": self.side,
             "thickness": self.thickness_mm,
             "outline": outline,
-            "friction": _amount(f"{what}.friction", self.friction or 0.0),
-            "name": self.name or what,
+            "friction": _amount(
+                f"{what}.friction", 0.0 if self.friction is None else self.friction
+            ),
+            "name": name,
             "stated": axes.of_tool,
         }
         if self.elastic_slip_mm is not None:
@@ -189,7 +191,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             raise ValueError(f"{what}: motion_axis must not be zero")
         translation = self._translation(what)
         given = self.motion_axis, self.motion_point_mm
-        if not self.motion_deg:
+        if not self.motion_deg and self.motion_deg != ():
             if given != (_UP, _ORIGIN) and not turned:
                 raise ValueError(
                     f"{what}: motion_axis and motion_point_mm require motion_deg: set "
@@ -223,6 +225,8 @@ class ToolTable(DeclaredTable, tag_field="surface"):
 def _amount(what: str, amount: Any) -> Any:
     if not isinstance(amount, tuple):
         return amount
+    if not amount:
+        raise ValueError(f"{what} is empty: state a number, or {_ROWS}, or omit it")
     from ..ply.amount import Rows
 
     return Rows.of(what, amount)

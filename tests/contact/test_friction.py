@@ -717,6 +717,40 @@ def test_a_force_beyond_the_last_measured_point_is_a_warning(force, beyond):
     assert [x for x in result.warnings if "compaction" in x] == [expected] * beyond
 
 
+@pytest.mark.parametrize(("slip", "warned"), [(0.5, False), (2.0, True)])
+def test_an_elastic_slip_of_the_size_of_elements_is_a_warning(slip, warned):
+    holder = Holder(PLANE, pressure=0.1, side=1, friction=0.3, elastic_slip=slip)
+    ply = Ply(grid(50.0, 10.0, 2, 1), Fabric(1e3, 1.0), terms=[holder], dimension=3)
+    state = SimpleNamespace(
+        u=ply.basis.zeros(), load_factor=1.0, parameters=ply.parameters_at_rest
+    )
+    expected = (
+        "friction of tool 'holder' is elastic up to a slip of 2 mm, its elastic_slip, "
+        f"over 5% of the size of an element, {ply.mesh.param():.3g} mm: it restrains "
+        "the ply too little: use 0.02 to 0.1 mm"
+    )
+    assert ply.contradictions([state]) == [expected] * warned
+
+
+def test_a_force_without_a_ply_under_the_holder_is_a_warning():
+    law, ring = Compaction(0.3, 1e-3, 8.0), [[30, 51, 51, 30], [-1, -1, 11, 11]]
+    holder = Holder(PLANE, force=5.0, compaction=law, side=1, outline=ring)
+    ply = Ply(grid(50.0, 10.0, 5, 1), Fabric(1e3, 1.0), terms=[holder], dimension=3)
+    states = []
+    for t, pulled in (0.5, 10.0), (1.0, 25.0):
+        u = np.tile([-pulled, 0.0, 0.0], ply.nodes.shape[1])
+        values = ply.terms[-1].parameters.updated(Values({}), u, t)
+        parameters = {"holder": values}
+        states.append(SimpleNamespace(u=u, load_factor=t, parameters=parameters))
+    expected = (
+        "force of tool 'holder', 5 N, does not act at load factor 1, because no part "
+        "of the ply is under it: its outline must cover a part of the ply while it "
+        "presses"
+    )
+    assert ply.contradictions(states[:1]) == []
+    assert ply.contradictions(states) == [expected]
+
+
 @pytest.mark.parametrize(("outline", "lift"), [(False, 9.0), (True, 9.0), (False, 2.0)])
 def test_pressure_on_a_part_that_is_beyond_the_surface_is_a_warning(outline, lift):
     """The left half of a ply is lifted through the plane on which a holder presses."""
