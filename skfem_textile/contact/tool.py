@@ -45,7 +45,7 @@ class FormingContact(ToolContact):
     """Contact with the checks before a run and the figures of its result."""
 
     @staticmethod
-    def check(ply: Any, moved: bool) -> None:
+    def check(ply: Any, moved: float) -> None:
         """See `check_tools`."""
         from .checks import check_tools
 
@@ -244,7 +244,7 @@ class Holder:
                 f"Compaction(0.3, 1e-3, 8.0), got {shortened(self.compaction)}"
             )
         _check_compaction(f"{what}: law of compaction", self.compaction)
-        return RigidHolder(amount_of(self, "force", what), self.compaction)
+        return RigidHolder(what, amount_of(self, "force", what), self.compaction)
 
 
 def _check_compaction(what: str, law: "CompactionLaw") -> None:
