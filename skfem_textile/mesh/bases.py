@@ -540,7 +540,7 @@ class Corners:
         positive = reference * self._turn
         self._reflex = positive <= _FLAT * positive.max(axis=0)
         self._per_area = 1 / np.where(self._reflex, np.inf, reference)
-        self._last = np.empty(0), np.empty(0)
+        self._last = b"", np.empty(0)
 
     def area_ratio(self, u: ndarray) -> ndarray:
         """Current area per reference area, det F, shape (n_points, n_elements).
@@ -548,8 +548,8 @@ class Corners:
         Infinite at a corner that is flat or reflex in the reference configuration,
         where det F is undefined.
         """
-        last, ratio = self._last
-        if np.array_equal(last, u):
+        key, (last, ratio) = u.tobytes(), self._last
+        if key == last:
             return ratio
         moved = u.reshape(-1, self._d)
         if self._d == 2:
@@ -559,7 +559,7 @@ class Corners:
             normals = vectors.sum(axis=1, keepdims=True)
             ratio = sided(vectors, normals) * np.abs(self._per_area)
         ratio[self._reflex] = np.inf
-        self._last = u.copy(), ratio
+        self._last = key, ratio
         return ratio
 
     def normals(self, u: ndarray) -> ndarray:

@@ -67,8 +67,9 @@ class CornerTerm(ElementTerm):
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Derivative of the energy."""
-        basis, form = self._closing(u), self._forms.residual
-        return np.zeros(len(u)) if basis is None else asm(form, basis, u=u)
+        if (basis := self._closing(u)) is None:
+            return np.zeros(len(u))
+        return asm(self._forms.residual, basis, u=u)
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
         """Second derivative of the energy; None if all corners are open."""
@@ -89,9 +90,10 @@ class CornerTerm(ElementTerm):
 
     def _closing(self, u: ndarray) -> CornerBasis | None:
         """Basis of the closing corners; None if all are open."""
-        closing, elements = np.nonzero(self._corners.area_ratio(u) < RESISTING)
-        if not elements.size:
+        closes = self._corners.area_ratio(u) < RESISTING
+        if not closes.any():
             return None
+        closing, elements = np.nonzero(closes)
         return CornerBasis(self._basis, elements, closing)
 
 

@@ -632,11 +632,17 @@ class Tangent:
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
+        return float(ROUNDINGS * EPSILON * size * self._largest_row)
+
+    @cached_property
+    def _largest_row(self) -> float:
+        """Largest absolute row sum in N/mm."""
         upper, coupling = (with_data(x, np.abs(x.data)) for x in self._matrix)
-        free, fixed = (np.ones(n) for n in coupling.shape)
-        columns = np.bincount(upper.indices, upper.data, len(free))
-        rows = upper @ free + columns - upper.diagonal() + coupling @ fixed
-        return float(ROUNDINGS * EPSILON * size * rows.max(initial=0.0))
+        entries, diagonal = upper.data, upper.indptr[:-1]
+        rows = np.add.reduceat(entries, diagonal) - entries[diagonal]
+        rows += np.bincount(upper.indices, entries, len(rows))
+        rows += coupling @ np.ones(coupling.shape[1])
+        return float(rows.max(initial=0.0))
 
 
 def _between_tools(
