@@ -51,6 +51,11 @@ THREE = get_quadrature(ElementTriP2, 2)
 SIX = get_quadrature(ElementTriP2, 4)
 
 
+#: ε_ijk, of the cross product.
+EPSILON = np.zeros((3, 3, 3))
+EPSILON[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
+EPSILON[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
+
 # Multiple of the round-off of positions that bounds the round-off of their inverse.
 _ROUND_OFF = 32 * np.finfo(float).eps
 
@@ -561,6 +566,46 @@ class Corners:
         ratio[self._reflex] = np.inf
         self._last = key, ratio
         return ratio
+
+    def derivatives(
+        self, u: ndarray, corners: ndarray, elements: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        """First and second derivative of the area ratio J at n corners of elements.
+
+        With ξ and η, ∂x/∂ξ and ∂x/∂η with the weights w of the nodes, c = ξ × η, y =
+        w_ξ η − w_η ξ and the unit vector n of c, |c| has the derivatives y × n, and
+        (w_ξa w_ηc − w_ηa w_ξc) e_i×e_j · n + (δ_ij y_a·y_c − y_aj y_ci − (y_a × n)_i
+        (y_c × n)_j)/|c|.  In the plane n is constant, and the last part is zero.
+
+        Returns
+        -------
+        tuple of ndarray
+            ∂J/∂x of each node, shape (n_nodes, d, n), and the blocks of ∂²J/∂x² of the
+            pairs of nodes in the order of `numpy.triu_indices`, (n_pairs, d, d, n).
+        """
+        d, moved = self._d, u.reshape(-1, self._d)
+        x = np.pad(self._X, ((0, 0), (0, d - 2))) + moved
+        w = self._edges[self._pairs[corners]].transpose(1, 2, 0)
+        xi, eta = np.einsum("san,ani->sin", w, x[self._nodes[:, elements]])
+        y = w[0][:, None] * eta - w[1][:, None] * xi
+        a, c = np.triu_indices(len(y))
+        scale, turns = self._per_area[corners, elements], w[0][a] * w[1][c]
+        turns -= w[1][a] * w[0][c]
+        if d == 2:
+            first = np.stack([y[:, 1], -y[:, 0]], axis=1)
+            second = turns[:, None, None] * EPSILON[:2, :2, 2, None]
+            return scale * first, scale * second
+        normal = cross(xi, eta)
+        length = np.linalg.norm(normal, axis=0)
+        n = normal / length
+        first = cross(*np.broadcast_arrays(y.swapaxes(0, 1), n[:, None])).swapaxes(0, 1)
+        second = turns[:, None, None] * np.einsum("ijk,kn->ijn", EPSILON, n)
+        second += (
+            np.eye(3)[:, :, None] * (y[a] * y[c]).sum(axis=1)[:, None, None] / length
+        )
+        second -= y[a][:, None] * y[c][:, :, None] / length
+        second -= first[a][:, :, None] * first[c][:, None] / length
+        return np.abs(scale) * first, np.abs(scale) * second
 
     def normals(self, u: ndarray) -> ndarray:
         """Normals of the elements in space, not normalised, shape (3, n_elements).
