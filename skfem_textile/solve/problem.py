@@ -14,7 +14,6 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
 from ..mesh.bases import components, node_positions
-from ..mesh.pattern import with_data
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
@@ -637,11 +636,12 @@ class Tangent:
     @cached_property
     def _largest_row(self) -> float:
         """Largest absolute row sum in N/mm."""
-        upper, coupling = (with_data(x, np.abs(x.data)) for x in self._matrix)
-        entries, diagonal = upper.data, upper.indptr[:-1]
+        upper, coupling = self._matrix
+        entries, diagonal, n = np.abs(upper.data), upper.indptr[:-1], upper.shape[0]
         rows = np.add.reduceat(entries, diagonal) - entries[diagonal]
-        rows += np.bincount(upper.indices, entries, len(rows))
-        rows += coupling @ np.ones(coupling.shape[1])
+        rows += np.bincount(upper.indices, entries, n)
+        row = np.repeat(np.arange(n), np.diff(coupling.indptr))
+        rows += np.bincount(row, np.abs(coupling.data), n)
         return float(rows.max(initial=0.0))
 
 

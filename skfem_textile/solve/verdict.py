@@ -139,6 +139,14 @@ class Trial(Equilibrium):
         moved = np.abs(self.u).max(initial=0.0)
         return bool(self.problem.contacts and moved <= active_set.CLOSED * size)
 
+    @property
+    def resultants(self) -> dict[str, tuple[ndarray, ndarray]]:
+        """Force and travel of each tool and clamp, see `active_set.resultants`."""
+        problem = self.problem
+        if not (problem.contacts or problem.clamps):
+            return {}
+        return active_set.resultants(problem, self.u, self.parameters)
+
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest area ratio of each element at its nodes and the fine points."""
@@ -260,7 +268,7 @@ class Trial(Equilibrium):
             # Clamps let go, with the energy lost in the energies, or conditions ended.
             work = sum(self.energies.values()) - self.energy_before
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
-        tools = active_set.resultants(problem, u, self.parameters)
+        tools = self.resultants
         pushed = {name: force for name, (force, _) in tools.items()}
         return State(
             load_factor=problem.load_factor,
