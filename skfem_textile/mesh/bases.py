@@ -146,7 +146,7 @@ def quad_basis(
     """
     _refuse_mesh("quad_basis", mesh)
     element = ElementVector(ElementQuad1(), dimension)
-    return CellBasis(mesh, element, QuadMapping(mesh), quadrature=rule)
+    return DisplacementBasis(mesh, element, QuadMapping(mesh), quadrature=rule)
 
 
 def _refuse_mesh(what: str, mesh: Any, kind: type[Mesh] = MeshQuad) -> None:
@@ -161,7 +161,8 @@ def triangle_basis(
 ) -> CellBasis:
     """Basis of a quadratic displacement on a `skfem.MeshTri`."""
     _refuse_mesh("triangle_basis", mesh, MeshTri)
-    return CellBasis(mesh, ElementVector(ElementTriP2(), dimension), quadrature=rule)
+    element = ElementVector(ElementTriP2(), dimension)
+    return DisplacementBasis(mesh, element, quadrature=rule)
 
 
 def components(basis: AbstractBasis) -> int:
@@ -200,7 +201,51 @@ def node_dofs(basis: CellBasis) -> ndarray:
     return np.arange(basis.N).reshape(-1, components(basis)).T
 
 
-class HourglassBasis(CellBasis):
+class DisplacementBasis(CellBasis):
+    """`skfem.CellBasis` whose functions are evaluated when a form first needs them.
+
+    They take 1.5 kB per element with four points; kernels use `function_gradients`.
+
+    Parameters
+    ----------
+    mesh, elem, mapping, intorder, elements, **options
+        See `skfem.CellBasis`.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        elem: Element,
+        mapping: Any = None,
+        intorder: int | None = None,
+        elements: Any = None,
+        **options: Any,
+    ) -> None:
+        # The constructor of CellBasis would evaluate `basis`.
+        kind = {"refdom": mesh.refdom}
+        AbstractBasis.__init__(self, mesh, elem, mapping, intorder, **kind, **options)
+        self.tind = None if elements is None else mesh.normalize_elements(elements)
+        self.dx = np.abs(self.mapping.detDF(self.X, self.tind)) * self.W
+        self.nelems = len(self.dx)
+
+    @cached_property
+    def basis(self) -> list[tuple[DiscreteField, ...]]:  # type: ignore[override]
+        """Basis functions."""
+        functions = range(self.Nbfun)
+        return [self.elem.gbasis(self.mapping, self.X, i, self.tind) for i in functions]
+
+    def function_gradients(self) -> ndarray:
+        """Gradients of the functions of one component.
+
+        Shape (n_nodes, 2, n_elements, n_points).
+        """
+        scalar: Any = self.elem
+        nodes, inverse = scalar.elem, self.mapping.invDF(self.X, self.tind)
+        local = (nodes.lbasis(self.X, i)[1] for i in range(len(nodes.doflocs)))
+        return np.array([np.einsum("ijkl,il->jkl", inverse, x) for x in local])
+
+
+class HourglassBasis(DisplacementBasis):
     """Basis of the fluctuation at the 2×2 points, each of weight A/4 (§3.2).
 
     A is the reference area of the element.
@@ -237,20 +282,10 @@ class HourglassBasis(CellBasis):
             raise ValueError("HourglassBasis has the 2×2 points: omit the quadrature")
         if not isinstance(dimension, Element):
             dimension = ElementVector(ElementQuad1(), dimension)
-        # The constructor of CellBasis would evaluate `basis`, of 2.5 kB per element.
-        AbstractBasis.__init__(
-            self, mesh, _fluctuating(dimension), mapping, quadrature=GAUSS, dofs=dofs
-        )
-        self.tind = None if elements is None else mesh.normalize_elements(elements)
+        element, options = _fluctuating(dimension), {"quadrature": GAUSS, "dofs": dofs}
+        super().__init__(mesh, element, mapping, elements=elements, **options)
         centre, _ = CENTRE
         self.dx = np.abs(self.mapping.detDF(centre, self.tind)) * self.W
-        self.nelems = len(self.dx)
-
-    @cached_property
-    def basis(self) -> list[tuple[DiscreteField, ...]]:  # type: ignore[override]
-        """Basis functions, for the forms; the kernels use `gradients`."""
-        functions = range(self.Nbfun)
-        return [self.elem.gbasis(self.mapping, self.X, i, self.tind) for i in functions]
 
     def gradients(self) -> tuple[ndarray, ndarray]:
         """Gradients of the functions of one component, and those at the centre.
@@ -296,8 +331,8 @@ def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
     return np.asarray(gradient)
 
 
-class MeanBasis(CellBasis):
-    """`skfem.CellBasis` with the parameters of means over elements.
+class MeanBasis(DisplacementBasis):
+    """Basis of the displacement with the parameters of means over elements.
 
     ``w["share"]`` is the area fraction of each point in its element, shape (n_elements,
     n_points).

@@ -74,7 +74,7 @@ MISUSES = [
         {},
         "must be of elements, such as .*, not a FacetBasis",
     ),
-    ("shear_continuity", WITH_NUMBER, TWO_POINTS, {}, r"JumpBasis\(mesh\), not a Cel"),
+    ("shear_continuity", WITH_NUMBER, TWO_POINTS, {}, "JumpBasis.mesh., not a Displ"),
     # the element and its order
     ("tension", OF_FABRIC, SCALAR, {}, "displacement with two or three components"),
     ("tension", OF_FABRIC, WITHOUT_VECTOR, {}, "with two or three components"),
@@ -196,7 +196,7 @@ def test_a_mesh_with_positions_that_are_not_finite_is_refused():
             lambda mesh: quad_basis(mesh, CENTRE),
             "quad_basis requires .* a MeshTri1",
         ),
-        (lambda mesh: quad_basis(PLAIN, CENTRE), "quadrilaterals, not a CellBasis"),
+        (lambda mesh: quad_basis(PLAIN, CENTRE), "quadrilaterals, not a Displ"),
         (lambda mesh: triangle_basis(MESH), "triangle_basis .*triangles, not a MeshQ"),
     ],
 )

@@ -126,7 +126,7 @@ def test_a_displacement_on_a_basis_has_no_checks_tool_or_infinite_values(result)
 
 @pytest.mark.parametrize("name", ["animation", "export_gltf", "section", "tool_force"])
 def test_what_needs_the_states_of_a_run_names_what_draws_a_basis(result, name):
-    text = r"requires the Result of a run, not a CellBasis: .* draw \(basis, u, fabric"
+    text = "requires the Result of a run, not a DisplacementBasis: .* draw .basis, u,"
     refused(lambda: getattr(plot, name)(result.ply.basis, "x.png"), text)
     refused(lambda: plot.formed(*own(result)), text)
 

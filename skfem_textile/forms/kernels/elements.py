@@ -38,6 +38,7 @@ from skfem import ElementQuad1
 
 from ...mesh.bases import (
     CENTRE,
+    DisplacementBasis,
     HourglassBasis,
     MeanBasis,
     components,
@@ -522,7 +523,9 @@ def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
     pair = fabric.directions(x, numbers)
     A = np.array([np.broadcast_to(a, x.shape) for a in pair])
     fluctuates = isinstance(basis, HourglassBasis)
-    if not fluctuates:
+    if type(basis) in (DisplacementBasis, MeanBasis):
+        dN = basis.function_gradients()
+    elif not fluctuates:
         dN = np.array([field.grad[0] for (field,) in basis.basis[::d]])
     if isinstance(basis, MeanBasis) and basis.parts is not None:
         yield from _macro_groups(basis, fabric, nodes, dN, A)
