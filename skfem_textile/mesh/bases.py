@@ -234,16 +234,6 @@ class DisplacementBasis(CellBasis):
         functions = range(self.Nbfun)
         return [self.elem.gbasis(self.mapping, self.X, i, self.tind) for i in functions]
 
-    def function_gradients(self) -> ndarray:
-        """Gradients of the functions of one component.
-
-        Shape (n_nodes, 2, n_elements, n_points).
-        """
-        scalar: Any = self.elem
-        nodes, inverse = scalar.elem, self.mapping.invDF(self.X, self.tind)
-        local = (nodes.lbasis(self.X, i)[1] for i in range(len(nodes.doflocs)))
-        return np.array([np.einsum("ijkl,il->jkl", inverse, x) for x in local])
-
 
 class HourglassBasis(DisplacementBasis):
     """Basis of the fluctuation at the 2×2 points, each of weight A/4 (§3.2).
@@ -308,7 +298,22 @@ def _fluctuating(element: Any) -> Element:
     return element
 
 
-def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
+def function_gradients(basis: Any) -> ndarray:
+    """Gradients of the functions of one component of a basis of the displacement.
+
+    Shape (n_nodes, 2, n_elements, n_points).
+    """
+    if type(basis) not in (DisplacementBasis, MeanBasis):
+        functions = basis.basis[:: components(basis)]
+        return np.array([np.asarray(field.grad)[0] for (field, *_) in functions])
+    nodes, inverse = basis.elem.elem, basis.mapping.invDF(basis.X, basis.tind)
+    local = (nodes.lbasis(basis.X, i)[1] for i in range(len(nodes.doflocs)))
+    return np.array([np.einsum("ijkl,il->jkl", inverse, x) for x in local])
+
+
+def displacement_gradient(
+    basis: Any, u: ndarray, gradients: ndarray | None = None
+) -> ndarray:
     """Displacement gradient ∇u at the points of a basis.
 
     Parameters
@@ -317,18 +322,17 @@ def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
         Basis of the displacement.
     u
         Displacement, shape (n_unknowns,).
+    gradients
+        `function_gradients` of the basis, if they are known.
 
     Returns
     -------
     ndarray
         Shape (d, 2, n_elements, n_points).
     """
-    element: Any = basis.elem
-    gradient, d = 0.0, element.dim
-    nodal = u[basis.element_dofs].reshape(-1, d, 1, basis.nelems, 1)
-    for of_node, (function, *_) in zip(nodal, basis.basis[::d], strict=True):
-        gradient = gradient + of_node * np.asarray(function.grad)[0]
-    return np.asarray(gradient)
+    dN = function_gradients(basis) if gradients is None else gradients
+    nodal = u[basis.element_dofs].reshape(len(dN), -1, basis.nelems)
+    return np.einsum("ain,ajnp->ijnp", nodal, dN)
 
 
 class MeanBasis(DisplacementBasis):

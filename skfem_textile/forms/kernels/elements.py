@@ -38,12 +38,12 @@ from skfem import ElementQuad1
 
 from ...mesh.bases import (
     CENTRE,
-    DisplacementBasis,
     HourglassBasis,
     MeanBasis,
     components,
     cross,
     element_numbers,
+    function_gradients,
 )
 
 if TYPE_CHECKING:
@@ -523,10 +523,8 @@ def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
     pair = fabric.directions(x, numbers)
     A = np.array([np.broadcast_to(a, x.shape) for a in pair])
     fluctuates = isinstance(basis, HourglassBasis)
-    if type(basis) in (DisplacementBasis, MeanBasis):
-        dN = basis.function_gradients()
-    elif not fluctuates:
-        dN = np.array([field.grad[0] for (field,) in basis.basis[::d]])
+    if not fluctuates:
+        dN = function_gradients(basis)
     if isinstance(basis, MeanBasis) and basis.parts is not None:
         yield from _macro_groups(basis, fabric, nodes, dN, A)
         return
