@@ -30,10 +30,6 @@ _AGREEING, _ROUND_OFF = 1e-9, 1e-15
 # Distance of an end from a load factor within which they are the same: round-off.
 _SAME_END = 1e-9
 
-# Smallest ratio of eigenvalues of S, (1 − cos θ)/(1 + cos θ) of two directions with the
-# angle θ, that belongs to another direction.
-_OTHER_DIRECTION = PARALLEL_ANGLE**2 / 4
-
 
 @dataclass(frozen=True, eq=False)
 class Condition:
@@ -293,8 +289,8 @@ class Constraints:
         rows = ("", np.empty(0, int), np.empty((self._d, 0))), *self.fixed_directions
         _, node, direction = zip(*rows, strict=True)
         self._node, self._direction = np.concatenate(node), np.hstack(direction)
+        self.supports = Supports(self._node, self._direction, self._X.shape[1])
         self._resolve(basis)
-        self.supports = Supports(self._node, self._direction)
         self._determined = self.prescribed
         self.shared, self.rounding = np.empty(0, dtype=int), 1.0
         for name, condition, X in self._conditions:
@@ -314,9 +310,8 @@ class Constraints:
 
     def _resolve(self, basis: CellBasis) -> None:
         """Choose the prescribed unknowns."""
-        d, n_nodes = self._d, self._X.shape[1]
-        dofs = node_dofs(basis)[:, :n_nodes]
-        directions, count = _fixed_directions(self._node, self._direction, n_nodes)
+        d, dofs = self._d, node_dofs(basis)[:, : self._X.shape[1]]
+        directions, count = self.supports.directions, self.supports.count
         projector = np.einsum("jin,jkn->ikn", directions, directions)
         crossed = projector * (1 - np.eye(d))[:, :, None]
         along_axes = (crossed == 0).all(axis=(0, 1)) | (count == d)
@@ -442,7 +437,7 @@ def constraints_after(
 
 
 class Supports:
-    """Sums S of n⊗n over the directions n that are fixed at each node.
+    """Fixed directions n at each node, and their sums S of n⊗n.
 
     A displacement u has the components g = n·u along the directions: u = S⁻¹ Σ g n.
 
@@ -450,13 +445,28 @@ class Supports:
     ----------
     node, direction
         Node and unit vector of each fixed direction, shapes (k,) and (d, k).
+    n_nodes
+        Number of nodes.
+
+    Attributes
+    ----------
+    directions, count
+        Orthonormal fixed directions of each node, shape (d, d, n_nodes), padded with
+        zeros, and their number, (n_nodes,).
     """
 
-    def __init__(self, node: ndarray, direction: ndarray) -> None:
-        self._nodes, place = np.unique(node, return_inverse=True)
-        sums = np.zeros((len(self._nodes), *2 * direction.shape[:1]))
-        np.add.at(sums, place, np.einsum("in,jn->nij", direction, direction))
-        self._inverse = np.linalg.pinv(sums, _OTHER_DIRECTION, hermitian=True)
+    def __init__(self, node: ndarray, direction: ndarray, n_nodes: int) -> None:
+        d, of_nodes = len(direction), _fixed_directions(node, direction, n_nodes)
+        self.directions, self.count = of_nodes
+        self._nodes = np.flatnonzero(self.count)
+        # S in the basis of the directions, and 1 for those that are missing.
+        along = np.einsum("jik,ik->kj", self.directions[..., node], direction)
+        sums = np.zeros((n_nodes, d, d))
+        np.add.at(sums, node, along[:, :, None] * along[:, None])
+        sums[:, range(d), range(d)] += np.arange(d) >= self.count[:, None]
+        found = self.directions[..., self._nodes]
+        inverse = np.linalg.inv(sums[self._nodes])
+        self._inverse = np.einsum("jin,njk,kmn->nim", found, inverse, found)
 
     def divided(self, vectors: ndarray) -> ndarray:
         """S⁻¹ times nodal vectors, shape (d, n_nodes); zero at other nodes."""
@@ -468,10 +478,7 @@ class Supports:
 def _fixed_directions(
     node: ndarray, direction: ndarray, n_nodes: int
 ) -> tuple[ndarray, ndarray]:
-    """Orthonormal fixed directions at each node, and their number.
-
-    Shapes (d, d, n_nodes), padded with zeros, and (n_nodes,).
-    """
+    """Orthonormal fixed directions at each node, and their number; see `Supports`."""
     d = len(direction)
     directions, count = np.zeros((d, d, n_nodes)), np.zeros(n_nodes, dtype=int)
     # The number of each row among the rows of its node.
@@ -545,7 +552,8 @@ def reactions(
     if surfaces := constraints.surfaces:
         fixed = [*fixed, *surfaces.fixed_directions(u, t)]
         _, node, direction = zip(*fixed, strict=True)
-        supports = Supports(np.concatenate(node), np.hstack(direction))
+        n = np.hstack(direction)
+        supports = Supports(np.concatenate(node), n, forces.shape[1])
     weighted = supports.divided(forces)
     result = {name: np.zeros(len(forces)) for name in constraints.nodes}
     for name, nodes, n in fixed:

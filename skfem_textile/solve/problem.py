@@ -183,11 +183,11 @@ class Problem:
 
     @cached_property
     def system(self) -> System:
-        """`System` of the free unknowns; its construction is timed."""
+        """`System` of the free unknowns, see `System.of`; its construction is timed."""
         clock, ply, constraints = self.clock, self.ply, self.constraints
         pattern = clock.time("assembly", lambda: ply.pattern)
         arguments = pattern, self.nodes, constraints, self._solver
-        return clock.time("solve", System, *arguments)
+        return clock.time("solve", System.of, *arguments)
 
     def energy(self, u: ndarray, parameters: PlyParameters) -> float:
         """Energy in N·mm, potentials of loads included."""

@@ -274,7 +274,9 @@ class GeneralPoints:
         first, second = np.triu_indices(n_nodes)
         number[first, second] = number[second, first] = np.arange(len(first))
         self.angle_at_rest = angle_between(self.A[:, :, :2])
-        self._pairs = [number[x, nodes[a:]] for a, x in enumerate(nodes)]
+        pairs = [number[x, nodes[a:]] for a, x in enumerate(nodes)]
+        every = len(nodes) == n_nodes  # then they are consecutive
+        self._pairs = [slice(p[0], p[-1] + 1) if every else p for p in pairs]
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
