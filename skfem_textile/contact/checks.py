@@ -215,9 +215,10 @@ def _approach(
 
 
 def _furthest(tool: ToolTerm) -> float:
-    """Largest travel of a tool without rotation in mm."""
+    """Largest travel of a tool in mm; without rotation, if its axis is not known."""
     factors = _load_factors([tool], _INTERVALS)
-    moved = [tool.travel(t) for t in factors if not tool.rotation(t)]
+    known = hasattr(tool._obstacle.motion, "translation")
+    moved = [tool.travel(t) for t in factors if known or not tool.rotation(t)]
     return float(np.linalg.norm(moved, axis=1).max())
 
 

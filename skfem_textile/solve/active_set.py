@@ -134,6 +134,10 @@ class Relaxed:
 
     The bound of friction follows the contact force, and this the friction: in a wedge,
     which friction jams, both would alternate.
+
+    With one unknown it is the relaxation of Irons & Tuck (1969).  With several, their
+    share is multiplied by −Δ₀·(Δ₁ − Δ₀)/|Δ₁ − Δ₀|², with the last changes Δ₀ and Δ₁;
+    this one by 1/(1 − Δ₁·Δ₀/|Δ₀|²), the factor of a change that only alternates.
     """
 
     share: float = 1.0
@@ -332,7 +336,7 @@ class _LinearGaps:
         """
         touches, n = self.force > 0, self.normal
         force = np.where(touches, self.multiplier - self.kappa * self.gap, 0.0)
-        nodal = sum(self.points.T @ -(x * m).T for x, m in zip(force, n, strict=True))
+        nodal = self.points.T @ -(force[:, None] * n).sum(axis=0).T
         of_gap = np.where(np.isfinite(self.gap), STIFFNESS_OF_GAP, 0.0)
         kappa = (self.kappa * np.where(touches, 1.0, of_gap))[:, None, None]
         stiffness = (kappa * n[:, :, None] * n[:, None]).sum(axis=0).T

@@ -1,8 +1,8 @@
 """Judge of states with friction, which does not use the library's friction.
 
-From the displacements and normal forces of all states it integrates Coulomb's law along
-the path of each contact point, and balances each node and the whole ply with the forces
-that follow.
+From the displacements and normal forces of all states it evaluates Coulomb's law along
+the straight slips of each contact point between two states, and balances each node and
+the whole ply with the forces that follow.
 """
 
 from collections.abc import Callable, Mapping

@@ -14,6 +14,7 @@ from skfem_textile import (
     Condition,
     Fabric,
     Force,
+    Holder,
     LoadStepper,
     Macro,
     OnePoint,
@@ -179,6 +180,50 @@ def test_loads_that_go_on_acting_do_work_on_the_way():
     assert after.verdict.work == pytest.approx(
         before.potentials["traction on top"] - after.potentials["traction on top"]
     )
+
+
+def on_a_plate(elastic_slip):
+    """Ply that a holder presses on a plate, and that is pulled from a clamp."""
+    rub = {"side": 1, "friction": 0.3, "elastic_slip": elastic_slip}
+    plate = Tool(drape.Plane(), name="plate", **rub)
+    holder = Holder(drape.Plane(), pressure=0.01, **rub)
+    clamp = Clamp("left", K, direction=(1, 0, 0), release=6.0)
+    x, y = np.linspace(0, 50.0, 6), np.linspace(0, WIDTH, 2)
+    mesh = MeshQuad.init_tensor(x, y).with_defaults()
+    fabric, terms = Fabric(1e4, 1.0, bending=(1.0, 1.0)), [plate, holder, clamp]
+    return Ply(mesh, fabric, ONE_POINT, terms, dimension=3)
+
+
+PULLED_FROM_CLAMP = {"pull": Condition("right", (0.15, 0.0, None))}
+COARSE = "work", "stabilisation", "deviation"
+
+
+@pytest.mark.parametrize("elastic_slip", [0.2, 0.005])
+def test_a_clamp_does_not_lose_what_friction_with_tools_takes(elastic_slip):
+    """The ply loses the work of the force of the clamp, which falls to 0.
+
+    Half of the force times the travel of its edge.  Sliding takes half as much where
+    all nodes slide, with a short elastic slip; a long one stores energy instead.
+    """
+    ply = on_a_plate(elastic_slip)
+    result = run(ply, PULLED_FROM_CLAMP, warn_only=COARSE)
+    _, force, before, after = let_go(result)
+    moved = after.displacements["clamp"] - before.displacements["clamp"]
+    lost = after.energy_lost["clamp"] - 0.5 * force**2 / K
+    assert lost == pytest.approx(0.5 * force * np.linalg.norm(moved), rel=1e-4)
+    rubbed = (s.energy_lost["plate"] + s.energy_lost["holder"] for s in (after, before))
+    assert elastic_slip == 0.2 or np.subtract(*rubbed) > 0.4 * lost
+    assert "work" not in after.warnings
+
+
+def test_a_negative_loss_is_a_warning(monkeypatch):
+    spent = iter([1.0, 0.0])  # in the state without the clamp, and before
+    name = "skfem_textile.solve.clamp_release._spent_on_friction"
+    monkeypatch.setattr(name, lambda *state: next(spent))
+    result = run(on_a_plate(0.02), PULLED_FROM_CLAMP, warn_only=COARSE)
+    *_, after = let_go(result)
+    assert "an energy lost by the ply of -0.9" in after.warnings["work"]
+    assert sum(after.energy_lost.values()) < 0
 
 
 def test_two_clamps_let_go_one_after_the_other():
