@@ -196,7 +196,7 @@ def deviations(rows: list[Row]) -> str:
 
 def more_steps(rows: list[Row]) -> str:
     """Changes in twice as many steps of resolved runs that only advance, by steps."""
-    known = [row for row in rows if row["resolved"] and row.get("finer_resolved")]
+    known = [x for x in rows if x.get("resolved") and x.get("finer_resolved")]
     lines = []
     for steps in sorted({row["steps"] for row in known}):
         of_steps = [row for row in known if row["steps"] == steps]
