@@ -188,7 +188,7 @@ class Obstacle:
             checked = CheckedSurface(self.what, self.surface)
             level = checked.level(local[:, near])
             gradient = checked.gradient(local[:, near])
-        within = self._within(local[:, near])
+        within = self._within(local[:, near], local[:, near])
         values = np.vstack([level, gradient])[:, within]
         self._refuse_undefined("level or gradient", values, x[:, near[within]])
         slope = np.linalg.norm(gradient, axis=0)
@@ -197,11 +197,22 @@ class Obstacle:
         distance, slopes = np.full((2, x.shape[1]), np.inf)
         distance[near], slopes[near] = level[regular] / slope, slope
         unit[:, near] = gradient[:, regular] / slope
-        touched = near[within]
-        gap = np.full(x.shape[1], np.inf)
+        gap = self._gap(distance, near[within], t)
+        return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
+
+    def _gap(self, distance: ndarray, touched: ndarray, t: float) -> ndarray:
+        """Gaps of the points that the tool may touch; infinite for the others."""
+        gap = np.full(len(distance), np.inf)
         room = 0.0 if self.reach is None else self.reach(t)
         gap[touched] = self._sign * distance[touched] + (room - self.half)
-        return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
+        return gap
+
+    def gap_of(self, at: Gaps, x: ndarray, t: float) -> ndarray:
+        """Gaps of points that are within the outline if others, shape (3, n), are."""
+        rotation, translation = self.placement(t)
+        outlined = rotation.T @ (x - translation[:, None])
+        within = self._within(at.local, outlined) & np.isfinite(at.distance)
+        return self._gap(at.distance, np.flatnonzero(within), t)
 
     def _refuse_undefined(self, method: str, values: ndarray, x: ndarray) -> None:
         """Refuse values of the surface, shape (m, n), not finite at points (3, n)."""
@@ -245,11 +256,11 @@ class Obstacle:
     def _sign(self) -> int:
         return self.side if self.reach is None else -self.side
 
-    def _within(self, x: ndarray) -> ndarray:
-        """True for points that the tool may touch."""
+    def _within(self, x: ndarray, outlined: ndarray) -> ndarray:
+        """True for points that the tool may touch, by other ones in its outline."""
         within = np.ones(x.shape[1], dtype=bool)
         if self.outline is not None:
-            within &= inside(self.outline, x[:2])
+            within &= inside(self.outline, outlined[:2])
         beyond = getattr(self.surface, "beyond_edges", None)
         if beyond is not None and within.any():
             within[within] = beyond(x[:, within]) == 0
@@ -526,7 +537,10 @@ class _ContactForces(TermParameters):
     def at_rest(self) -> Values:
         """No contact."""
         contact, zero = self._contact, np.zeros(self._contact.areas.size)
-        return contact.values_at_rest({"force": zero, "stiffness": zero})
+        values = {"force": zero, "stiffness": zero}
+        return contact.values_at_rest(
+            values | contact.outlined(np.zeros(3 * zero.size))
+        )
 
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
@@ -541,8 +555,10 @@ class _ContactForces(TermParameters):
 
     def advanced(self, values: Values, u: ndarray, t: float) -> Values:
         """See `Friction.advanced`."""
-        friction = self._contact.friction
-        return friction.advanced(values, u, t) if friction else values
+        if friction := self._contact.friction:
+            values = friction.advanced(values, u, t)
+        outlined = self._contact.outlined(u)
+        return Values({**values, **outlined}) if outlined else values
 
 
 class ToolContact(ToolTerm, ContactTerm):
@@ -571,9 +587,21 @@ class ToolContact(ToolTerm, ContactTerm):
         """Thickness of the ply in mm that is stated for the tool."""
         return 2 * self._obstacle.half
 
-    def gaps(self, u: ndarray, t: float) -> ndarray:
+    def outlined(self, u: ndarray) -> dict[str, ndarray]:
+        """Positions by which nodes are within an outline in the next step, if any.
+
+        Those of the last state.  If the outline applied to each iterate, a node on it
+        would be pushed out where it touches and fall back where it does not: there
+        would be no equilibrium.
+        """
+        has_outline = self._obstacle.outline is not None
+        return {"outlined": self._points.positions(u)} if has_outline else {}
+
+    def gaps(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """See `ContactTerm.gaps`."""
-        return np.where(self._takes_part, self._at(u, t).gap, np.inf)
+        at = self._at(u, t)
+        gap = self._obstacle.gap_of(at, p["outlined"], t) if "outlined" in p else at.gap
+        return np.where(self._takes_part, gap, np.inf)
 
     def reaches(self, u: ndarray, t: float) -> bool:
         """True if a node of the ply is within the edges and outline of the tool."""
@@ -600,7 +628,7 @@ class ToolContact(ToolTerm, ContactTerm):
         kappa = p["stiffness"]
         if not kappa.any():
             return np.zeros(len(kappa))
-        gap = self.gaps(u, t)
+        gap = self.gaps(u, t, p)
         reached = np.isfinite(gap)
         return np.where(
             reached, np.maximum(p["force"] - kappa * np.where(reached, gap, 0), 0), 0.0
