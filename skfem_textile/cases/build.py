@@ -389,18 +389,16 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
             f"[[tools]] do not apply to the scene {scene.name}, whose ply {where}: use "
             "the scene forming"
         )
-    turned = {
-        name
-        for phase in file.phases
-        for name, tool in phase.tools.items()
-        if tool.motion_deg is not None
-    }
+    changed: dict[str, set[str]] = {}
+    for phase in file.phases:
+        for name, changes in phase.tools.items():
+            changed.setdefault(name, set()).update(changes.stated())
     if tables and not scene.tools and of.declaration is Forming:
         of.refuse_keys_of_tools(furthest(file.phases, "punch"))
     tools = []
     for number, tool in enumerate(tables, 1):
         name = tool.name or numbered("tools", number)
-        tools.append(tool.build(name, scene.axes, name in turned))
+        tools.append(tool.build(name, scene.axes, changed.get(name, ())))
     all_tools = *scene.tools, *tools
     if not (scene.driven or all_tools):
         raise ValueError(

@@ -53,8 +53,8 @@ def placement(tool: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
 def travelled(tool: str, motion: Motion | None, t: float) -> ndarray:
     """Translation from the initial position in mm, shape (3,).
 
-    For a motion about an axis the one of the axis, see `AboutAxis`; for a function that
-    returns matrices the translation that it returns, of the point at the origin.
+    A motion about an axis has the translation of the axis, see `AboutAxis`; a function
+    that returns matrices the one that it returns, of the point at the origin.
     """
     motion = getattr(motion, "translation", motion)
     (_, first), (_, now) = (placement(tool, motion, x) for x in (0.0, t))

@@ -20,6 +20,7 @@ from ..ply.amount import Limits, Part, Rows, ends_of_parts, refuse_places
 from ..solve.continuation import LoadSteps, refuse_steps
 from ..solve.result import Result
 from .holder import pressing
+from .motion import travelled
 from .tool import LIMITS, AboutAxis, Holder, Tool
 
 
@@ -102,8 +103,8 @@ class Process:
 
     Attributes
     ----------
-    phases
-        The phases.
+    phases, names
+        The phases, and their names.
     tools
         The tools, whose motions, friction and so on are functions of the load factor.
     steps
@@ -157,7 +158,7 @@ class Process:
         self.steps = tuple(phase.steps for phase in self.phases)
         self._ends = ends_of_parts(len(self.phases))
         moving = [self._moving(tool, axes.get(tool.name)) for tool in tools]
-        self._travels = {x.name: partial(_travel, motion=x.motion) for x in moving}
+        self._travels = {x.name: partial(_travel, tool=x) for x in moving}
         self.tools = tuple(map(self._changing, moving))
         self.loads = self._amount("loads", None, 0.0, [x.loads for x in self.phases])
 
@@ -242,7 +243,7 @@ class Process:
                 own = [x for x in _OF_HOLDERS if getattr(tool, x, None) is not None]
                 raise ValueError(
                     f"{where} is a holder with a {own[0]}, not a {quantity}: state its "
-                    f"{own[0]}, or give it a {quantity} instead before the first phase"
+                    f"{own[0]}, or replace it by a holder with a {quantity}"
                     if own
                     else f"{where} has no {quantity}: a holder states its {quantity} "
                     "before the first phase"
@@ -457,16 +458,6 @@ def _text(values: ndarray, of: Limits) -> str:
     return f"({text}){of.unit}" if values.size > 1 else f"{text}{of.unit}"
 
 
-def _travel(t: float, motion: Any) -> float:
+def _travel(t: float, tool: Any) -> float:
     """Distance from the initial position in mm, see `contact.travel`."""
-    first, now = (_translation(s, motion) for s in (0.0, t))
-    return float(np.linalg.norm(now - first))
-
-
-def _translation(t: float, motion: Any) -> ndarray:
-    if motion is None:
-        return np.zeros(3)
-    moved = motion(t) if callable(motion) else t * real_numbers("motion", motion)
-    return np.asarray(
-        moved[1] if isinstance(moved, tuple | list) and len(moved) == 2 else moved
-    )
+    return float(np.linalg.norm(travelled(f"tool {tool.name!r}", tool.motion, t)))

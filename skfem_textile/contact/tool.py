@@ -12,21 +12,19 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis
 
+from ..declarations import ELASTIC_SLIP, MOST_FRICTION
 from ..fabric.law import number
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from ..ply.amount import Amount, AmountLike, Limits, Rows
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import COMPARED, HolderPressure
-from .motion import travelled
-from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
+from .motion import Motion, travelled
+from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
 if TYPE_CHECKING:
     from .compaction import CompactionLaw, RigidHolder
-
-#: Largest coefficient of friction.  A coefficient in percent is larger.
-MOST_FRICTION = 2.0
 
 #: Limits of the amounts of tools, by name.
 LIMITS = {
@@ -47,7 +45,7 @@ class FormingContact(ToolContact):
     """Contact with the checks before a run and the figures of its result."""
 
     @staticmethod
-    def check(ply: Any, moved: bool) -> None:
+    def check(ply: Any, moved: float) -> None:
         """See `check_tools`."""
         from .checks import check_tools
 
@@ -117,7 +115,7 @@ class Tool:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     friction: AmountLike = 0.0
-    elastic_slip: float = 0.02
+    elastic_slip: float = ELASTIC_SLIP
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -186,7 +184,7 @@ class Holder:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     friction: AmountLike = 0.0
-    elastic_slip: float = 0.02
+    elastic_slip: float = ELASTIC_SLIP
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -199,8 +197,9 @@ class Holder:
         Raises
         ------
         ValueError
-            See `Tool.on`; also if not exactly one of gap and pressure is given, or it
-            is negative, or no part of the ply is within the outline.
+            See `Tool.on`; also if not exactly one of gap, pressure and force is given,
+            or it is negative, a force has no law of compaction, or no part of the ply
+            is within the outline.
         """
         what = f"holder {self.name!r}"
         given = self.gap, self.pressure, self.force
@@ -208,9 +207,8 @@ class Holder:
             raise ValueError(f"{what}: specify either a gap, a pressure or a force")
         if self.compaction is None and self.force is not None:
             raise ValueError(
-                f"tool {self.name!r}: its force makes it a holder, which requires a "
-                "law of compaction of the ply: set compaction, or, for a tool that "
-                "moves, omit the force"
+                f"{what}: a force requires a law of compaction of the ply: set "
+                "compaction, or, for a tool that moves, omit the force"
             )
         if self.compaction is not None and self.force is None:
             raise ValueError(
@@ -247,7 +245,7 @@ class Holder:
                 f"Compaction(0.3, 1e-3, 8.0), got {shortened(self.compaction)}"
             )
         _check_compaction(f"{what}: law of compaction", self.compaction)
-        return RigidHolder(amount_of(self, "force", what), self.compaction)
+        return RigidHolder(what, amount_of(self, "force", what), self.compaction)
 
 
 def _check_compaction(what: str, law: "CompactionLaw") -> None:

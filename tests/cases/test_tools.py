@@ -150,6 +150,28 @@ def test_a_case_with_tools_is_written_and_read_again(tmp_path):
     assert "\n[[tools]]" not in case_text(declared(tables()), "# A case.")
 
 
+def test_an_elastic_slip_without_friction_is_refused():
+    """Friction may also be 0, or follow in a phase."""
+    slips = {**PUNCH, "name": "punch", "elastic_slip_mm": 0.1}
+    with pytest.raises(ValueError, match="elastic_slip_mm requires friction: set it"):
+        case_from_tables(tables(slips))
+    phase = {"name": "up", "steps": 1, "tools": {"punch": {"friction": 0.2}}}
+    still = {key: x for key, x in slips.items() if not key.startswith("motion")}
+    for case in (
+        tables({**slips, "friction": 0.0}),
+        tables(still) | {"phases": [phase]},
+    ):
+        (punch,) = case_from_tables(case).scene.tools
+        assert punch.elastic_slip == 0.1
+
+
+@pytest.mark.parametrize("value", [20, -0.1])
+def test_the_friction_of_a_scene_is_refused_by_its_key(value):
+    scene = {"name": "hemisphere_forming", "friction": value}
+    with pytest.raises(ValueError, match=r"scene\.friction must be a number [<>]="):
+        case_from_tables({"scene": scene})
+
+
 def graph_file(path):
     """Write a slope z = x / 4 over 0 ≤ x, y ≤ 80 mm, in metres."""
     x, t = graph(np.linspace(0.0, 0.08, 9), lambda x, y: 0.25 * x)

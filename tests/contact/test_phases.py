@@ -87,6 +87,27 @@ def test_an_amount_follows_the_travel_of_a_tool():
     assert found == pytest.approx([0, 2.5, 5, 12.5, 20, 20])
 
 
+def test_an_amount_follows_the_travel_of_the_axis_of_a_tool():
+    turned = {"punch": {"motion": (0, 0, 5), "rotation": 1.2}}
+    gap = OverTravel("punch", [[0, 3.0], [5, 1.0]])
+    phases = [Phase("punch", 1, turned | {"holder": {"gap": gap}})]
+    holder = Process(phases, tools(), {"punch": ((0, 1, 0), (9, 0, 0))}).tools[2]
+    assert holder.gap(0.5) == pytest.approx(2.0)
+
+
+def test_rows_of_a_travel_turn_back_where_a_step_of_their_phase_ends():
+    """The steps of the second phase end at travels of 9 and 12 mm."""
+
+    def phases(turn):
+        friction = OverTravel("punch", [[6, 0.0], [turn, 0.4], [12, 0.1]])
+        rubs = {"punch": {"motion": (0, 0, 12)}, "die": {"friction": friction}}
+        return [PUNCH, Phase("rub", 2, rubs)]
+
+    die = Process(phases(9), tools()).tools[1]
+    assert die.friction(0.75) == pytest.approx(0.4)
+    refused("turns back at the travel 8 mm, within one of 2 steps", phases(8))
+
+
 def test_a_tool_turns_about_its_axis():
     phases = [Phase("turn", 1, {"die": {"rotation": np.pi / 2}}), Phase("stay", 1)]
     axes = {"die": ((0, 0, 2), (10, 0, 0))}
