@@ -19,7 +19,6 @@ from scipy.sparse import csr_matrix, identity
 from skfem import CellBasis, ElementQuad1, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
-from ..mesh.pattern import Pattern
 from ..mesh.recovery import contact_points, nodes_and_normal
 from ..mesh.user_input import coords, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
@@ -380,11 +379,6 @@ class ContactPoints:
         one, other = self._weights[np.array(np.triu_indices(len(self.nodes)))]
         return (one * other)[:, None, None] * K
 
-    def tangent(self, matrices: ndarray) -> csr_matrix:
-        """Assembled ``matrices``."""
-        pattern = Pattern(3, self._X.shape[1], [self.nodes])
-        return pattern.matrix(pattern.sum([matrices]))
-
 
 def _padded(points: csr_matrix) -> tuple[ndarray, ndarray]:
     """Nodes in the rows of a matrix and their weights, each (n, n_rows).
@@ -477,11 +471,6 @@ class ToolTerm(ElementTerm):
             of_friction = self._points.along_planes(of_friction)
             K = of_friction if K is None else K + of_friction
         return None if K is None else self._points.matrices(K)
-
-    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
-        """Derivative of the residual with the parameters held fixed."""
-        matrices = self.matrices(u, t, p)
-        return None if matrices is None else self._points.tangent(matrices)
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
         """Friction without effect, or elastic only, see `Ply.contradictions`."""
