@@ -290,11 +290,14 @@ def test_a_bad_position_of_a_file_is_named(tmp_path):
             "tool_2.surface is 'dice': expected one of",
         ),
         ([{"surface": "sphere", "radius_mm": 3}], "tool_1.centre_mm is missing"),
-        ([{**PUNCH, "motion_mm": [1, 2]}], "tool_1.motion_mm must be three numbers"),
-        ([{**PUNCH, "motion_axis": [1, 0, 0]}], "tool_1: .* require motion_deg"),
+        (
+            [{**PUNCH, "motion_mm": [1, 2]}],
+            "tools.punch.motion_mm must be three numbers",
+        ),
+        ([{**PUNCH, "motion_axis": [1, 0, 0]}], "tools.punch: .* require motion_deg"),
         (
             [{**PUNCH, "motion_deg": 5, "motion_axis": [0, 0, 0]}],
-            "tool_1: motion_axis must not be zero",
+            "tools.punch: motion_axis must not be zero",
         ),
         ([{**PUNCH, "motion_mm": [0, [1, 0, 0, 0]]}], "both rows and numbers"),
         ([{**PUNCH, "motion_mm": [[0.5, 0, 0, 0], [1, 0, 0, 1]]}], "from 0 to 1"),
