@@ -173,10 +173,9 @@ class Obstacle:
 
     def gap_of(self, at: Gaps, x: ndarray, t: float) -> ndarray:
         """Gaps of points that are within the outline if others, shape (3, n), are."""
-        rotation, translation = self.placement(t)
-        outlined = rotation.T @ (x - translation[:, None])
-        within = self._within(at.local, outlined) & np.isfinite(at.distance)
-        return self._gap(at.distance, np.flatnonzero(within), t)
+        rotation, moved = self.placement(t)
+        within = self._within(at.local, rotation.T @ (x - moved[:, None]))
+        return self._gap(at.distance, within & np.isfinite(at.distance), t)
 
     def _refuse_undefined(self, method: str, values: ndarray, x: ndarray) -> None:
         """Refuse values of the surface, shape (m, n), not finite at points (3, n)."""
@@ -478,10 +477,10 @@ class ToolTerm(ElementTerm):
         slip, most = getattr(self.friction, "slip", 0.0), _ELASTIC * self._element
         if slip > most:
             return [
-                f"friction of {self._obstacle.what} is elastic up to a slip of "
-                f"{slip:g} mm, its elastic_slip, over {_ELASTIC:.0%} of the size of an "
-                f"element, {self._element:.3g} mm: it restrains the ply too little: "
-                "use 0.02 to 0.1 mm"
+                f"friction of {self._obstacle.what} is elastic up to a slip of {slip:g}"
+                f" mm, its elastic_slip, over {_ELASTIC:.0%} of the size of an element,"
+                f" {self._element:.3g} mm: it restrains the ply too little: use 0.02 to"
+                " 0.1 mm"
             ]
         if self.friction and complete and not any(map(self._presses, states)):
             what = self._obstacle.what
@@ -550,8 +549,8 @@ class _ContactForces(ToolParameters):
     def at_rest(self) -> Values:
         """No contact."""
         zero = np.zeros(self._term.nodes.shape[1])
-        outlined = self._outlined(np.zeros(3 * zero.size))
-        values = {"force": zero, "stiffness": zero, **outlined}
+        values = {"force": zero, "stiffness": zero}
+        values |= self._outlined(np.zeros(3 * zero.size))
         return self.with_friction_at_rest(values)
 
     def advanced(self, values: Values, u: ndarray, t: float) -> Values:
@@ -562,12 +561,11 @@ class _ContactForces(ToolParameters):
     def _outlined(self, u: ndarray) -> dict[str, ndarray]:
         """Positions by which nodes are within an outline in the next step, if any.
 
-        Those of the last state.  If the outline applied to each iterate, a node on it
-        would be pushed out where it touches and fall back where it does not: there
-        would be no equilibrium.
+        By their own, nodes on it are pushed out where they touch, and fall back else.
         """
-        has_outline = self._term._obstacle.outline is not None
-        return {"outlined": self._term._points.positions(u)} if has_outline else {}
+        if self._term._obstacle.outline is None:
+            return {}
+        return {"outlined": self._term._points.positions(u)}
 
     def _without_friction(self, values: Values, u: ndarray, t: float) -> Values:
         """Multipliers max(λ − κ g, 0)."""
