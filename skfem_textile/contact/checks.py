@@ -241,6 +241,7 @@ def _warn_of_travels(
     """
     travels = [_furthest(tool) for tool in tools]
     driven = [x for x, d in zip(tools, travels, strict=True) if d >= max(travels) > 0]
+    moved = moved or len(pressing(ply)) > len(tools)  # a holder presses the ply
     misses = not (moved or any(tool.name in touching for tool in driven))
     whole = _size(ply) * (2 if "mirror" in ply.fibre_ends.values() else 1)
     for tool, travel in zip(tools, travels, strict=True):

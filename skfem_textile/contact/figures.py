@@ -393,7 +393,21 @@ def _advice(
     if at_risk.any():
         advice["wrinkles"] = (
             f"fibres are compressed in {100 * share_of_area(ply, at_risk):.3g} % of "
-            "the ply: they may wrinkle, and wrinkles depend on the mesh. Reduce the "
-            "gap of the holder, or increase its pressure or the tension at the edges"
+            "the ply: they may wrinkle, and wrinkles depend on the mesh. "
+            f"{_against_wrinkles(ply)}"
         )
     return advice
+
+
+def _against_wrinkles(ply: Ply) -> str:
+    """Advice by what the holders of a ply state."""
+    advice = []
+    for tool in pressing(ply):
+        if not isinstance(tool, ToolContact):
+            stated = "force" if "force" in tool.amounts_at(0.0) else "pressure"
+            advice.append(f"increase the {stated} of the holder")
+        elif tool._obstacle.reach:
+            advice.append("reduce the gap of the holder")
+    both = [*dict.fromkeys(advice or ["add a holder"])]
+    text = f"{', '.join(both)}, or increase the tension at the edges"
+    return text[:1].upper() + text[1:]

@@ -152,7 +152,7 @@ class Obstacle:
             checked = CheckedSurface(self.what, self.surface)
             level = checked.level(local[:, near])
             gradient = checked.gradient(local[:, near])
-        within = self._within(local[:, near])
+        within = self._within(local[:, near], local[:, near])
         values = np.vstack([level, gradient])[:, within]
         self._refuse_undefined("level or gradient", values, x[:, near[within]])
         slope = np.linalg.norm(gradient, axis=0)
@@ -161,11 +161,21 @@ class Obstacle:
         distance, slopes = np.full((2, x.shape[1]), np.inf)
         distance[near], slopes[near] = level[regular] / slope, slope
         unit[:, near] = gradient[:, regular] / slope
-        touched = near[within]
-        gap = np.full(x.shape[1], np.inf)
+        gap = self._gap(distance, near[within], t)
+        return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
+
+    def _gap(self, distance: ndarray, touched: ndarray, t: float) -> ndarray:
+        """Gaps of the points that the tool may touch; infinite for the others."""
+        gap = np.full(len(distance), np.inf)
         room = 0.0 if self.reach is None else self.reach(t)
         gap[touched] = self._sign * distance[touched] + (room - self.half)
-        return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
+        return gap
+
+    def gap_of(self, at: Gaps, x: ndarray, t: float) -> ndarray:
+        """Gaps of points that are within the outline if others, shape (3, n), are."""
+        rotation, moved = self.placement(t)
+        within = self._within(at.local, rotation.T @ (x - moved[:, None]))
+        return self._gap(at.distance, within & np.isfinite(at.distance), t)
 
     def _refuse_undefined(self, method: str, values: ndarray, x: ndarray) -> None:
         """Refuse values of the surface, shape (m, n), not finite at points (3, n)."""
@@ -209,11 +219,11 @@ class Obstacle:
     def _sign(self) -> int:
         return self.side if self.reach is None else -self.side
 
-    def _within(self, x: ndarray) -> ndarray:
-        """True for points that the tool may touch."""
+    def _within(self, x: ndarray, outlined: ndarray) -> ndarray:
+        """True for points that the tool may touch, by other ones in its outline."""
         within = np.ones(x.shape[1], dtype=bool)
         if self.outline is not None:
-            within &= inside(self.outline, x[:2])
+            within &= inside(self.outline, outlined[:2])
         beyond = getattr(self.surface, "beyond_edges", None)
         if beyond is not None and within.any():
             within[within] = beyond(x[:, within]) == 0
@@ -467,10 +477,10 @@ class ToolTerm(ElementTerm):
         slip, most = getattr(self.friction, "slip", 0.0), _ELASTIC * self._element
         if slip > most:
             return [
-                f"friction of {self._obstacle.what} is elastic up to a slip of "
-                f"{slip:g} mm, its elastic_slip, over {_ELASTIC:.0%} of the size of an "
-                f"element, {self._element:.3g} mm: it restrains the ply too little: "
-                "use 0.02 to 0.1 mm"
+                f"friction of {self._obstacle.what} is elastic up to a slip of {slip:g}"
+                f" mm, its elastic_slip, over {_ELASTIC:.0%} of the size of an element,"
+                f" {self._element:.3g} mm: it restrains the ply too little: use 0.02 to"
+                " 0.1 mm"
             ]
         if self.friction and complete and not any(map(self._presses, states)):
             what = self._obstacle.what
@@ -539,7 +549,23 @@ class _ContactForces(ToolParameters):
     def at_rest(self) -> Values:
         """No contact."""
         zero = np.zeros(self._term.nodes.shape[1])
-        return self.with_friction_at_rest({"force": zero, "stiffness": zero})
+        values = {"force": zero, "stiffness": zero}
+        values |= self._outlined(np.zeros(3 * zero.size))
+        return self.with_friction_at_rest(values)
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """Also positions in an outline."""
+        values, outlined = super().advanced(values, u, t), self._outlined(u)
+        return Values({**values, **outlined}) if outlined else values
+
+    def _outlined(self, u: ndarray) -> dict[str, ndarray]:
+        """Positions by which nodes are within an outline in the next step, if any.
+
+        By their own, nodes on it are pushed out where they touch, and fall back else.
+        """
+        if self._term._obstacle.outline is None:
+            return {}
+        return {"outlined": self._term._points.positions(u)}
 
     def _without_friction(self, values: Values, u: ndarray, t: float) -> Values:
         """Multipliers max(λ − κ g, 0)."""
@@ -572,9 +598,11 @@ class ToolContact(ToolTerm, ContactTerm):
         """Thickness of the ply in mm that is stated for the tool."""
         return 2 * self._obstacle.half
 
-    def gaps(self, u: ndarray, t: float) -> ndarray:
+    def gaps(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """See `ContactTerm.gaps`."""
-        return np.where(self._takes_part, self._at(u, t).gap, np.inf)
+        at = self._at(u, t)
+        gap = self._obstacle.gap_of(at, p["outlined"], t) if "outlined" in p else at.gap
+        return np.where(self._takes_part, gap, np.inf)
 
     def reaches(self, u: ndarray, t: float) -> bool:
         """True if a node of the ply is within the edges and outline of the tool."""
@@ -601,7 +629,7 @@ class ToolContact(ToolTerm, ContactTerm):
         kappa = p["stiffness"]
         if not kappa.any():
             return np.zeros(len(kappa))
-        gap = self.gaps(u, t)
+        gap = self.gaps(u, t, p)
         reached = np.isfinite(gap)
         return np.where(
             reached, np.maximum(p["force"] - kappa * np.where(reached, gap, 0), 0), 0.0

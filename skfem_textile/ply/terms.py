@@ -182,10 +182,10 @@ class ContactTerm(ElementTerm):
         """Figures of the contact terms of this class in the summary of a result."""
         return {}
 
-    def gaps(self, u: ndarray, t: float) -> ndarray:
+    def gaps(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Distances g of the contact points from the tool in mm, shape (n_nodes,).
 
-        Infinite for nodes that the tool cannot touch.
+        Infinite for nodes that the tool cannot touch, which parameters may determine.
         """
         raise NotImplementedError
 

@@ -324,7 +324,7 @@ class _LinearGaps:
         kappa = values(problem, at.parameters, "stiffness").max(axis=1, keepdims=True)
         return cls(
             tools[0].points,
-            np.array([x.gaps(*state) for x in tools]),
+            np.array([x.gaps(*state, at.parameters[x.name]) for x in tools]),
             np.array([x.normals(*state) for x in tools]),
             *(values(problem, at.parameters, "force"), kappa, at.contact_forces),
         )

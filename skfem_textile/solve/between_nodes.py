@@ -120,8 +120,9 @@ def work_of_tools(problem: Problem, u: ndarray, parameters: PlyParameters) -> fl
     """
     work, t = 0.0, problem.load_factor
     for tool in problem.contacts:
-        closing = tool.gaps(u, (1 - STEP) * t) - tool.gaps(u, t)
-        force = tool.forces(u, t, parameters[tool.name])
+        p = parameters[tool.name]
+        closing = tool.gaps(u, (1 - STEP) * t, p) - tool.gaps(u, t, p)
+        force = tool.forces(u, t, p)
         acts = (force > 0) & np.isfinite(closing)
         work += float(force[acts] @ closing[acts]) / STEP
     return work

@@ -149,7 +149,7 @@ def clamp_forces(clamps: Sequence[ClampTerm], state: State) -> dict[str, float]:
 
 
 def clamp_figures(
-    clamps: Sequence[ClampTerm], states: Sequence[State]
+    clamps: Sequence[ClampTerm], states: Sequence[State], of_part: bool
 ) -> dict[str, Any]:
     """Figures of clamps in the summary of a result.
 
@@ -157,6 +157,7 @@ def clamp_figures(
     for one with a force of release also ``NAME_released_at``, its load factor, None
     while it holds, and ``NAME_release_force_N``.  ``max_clamp_force_N`` is the largest
     force in any state, and ``clamps_let_go`` a text on those that let go.
+    ``of_part`` if a half or quarter of the ply is computed, with its part of a clamp.
     """
     last, texts = states[-1], []
     figures: dict[str, Any] = clamp_forces(clamps, last)
@@ -176,5 +177,7 @@ def clamp_figures(
     if texts:
         figures["clamps_let_go"] = "; ".join(texts)
     note = "".join(f"; {text}" for text in texts)
+    if of_part:
+        note = f" on the computed part of the ply{note}"
     first = Quantity("Largest clamp force", "max_clamp_force_N", "N", note=note)
     return figures | {"first": [first.declared()]}

@@ -659,7 +659,7 @@ def _between_tools(
     Tools on one side restrain only nodes that touch them.
     """
     t = problem.load_factor
-    gap = np.concatenate([x.gaps(u, t) for x in problem.contacts])
+    gap = np.concatenate([x.gaps(u, t, parameters[x.name]) for x in problem.contacts])
     n = np.hstack([x.normals(u, t) for x in problem.contacts])
     force, stiffness = (
         np.concatenate([parameters[x.name][key] for x in problem.contacts])

@@ -516,7 +516,8 @@ class Result:
             return {}
         from .clamp_release import clamp_figures
 
-        return clamp_figures(clamps, self.states)
+        of_part = "mirror" in self.ply.fibre_ends.values()
+        return clamp_figures(clamps, self.states, of_part)
 
     def _figures_of_tools(self) -> dict[str, Any]:
         figures: dict[str, Any] = {}

@@ -401,7 +401,8 @@ class Run:
             left = f"{timedelta(seconds=round(seconds))}"
         ongoing = at.load_factor > t
         now = f"iteration {at.number} to {at.load_factor:.4g}, " if ongoing else ""
-        return f"load factor {t:.4g} ({travel:.4g} mm), {now}{left} left, {unknowns}"
+        at_end = f"load factor {t:.4g} (moved by {travel:.4g} mm)"
+        return f"{at_end}, {now}{left} left, {unknowns}"
 
     def _resume(self) -> bool:
         """Start from the end of the checkpoint; False if it contains no state."""

@@ -264,6 +264,8 @@ def test_a_punch_that_misses_is_named(caplog):
     check_tools(ply(punch(-10.0), replace(lid(0.1), motion=(0, 0, -1))))
     assert "tool 'punch' moves by 10 mm, but stays 0.2 mm away" in caplog.text
     caplog.clear()
+    pressed = Holder(drape.Plane((0, 0, 0.1)), pressure=1.0, side=-1)
+    check_tools(ply(punch(-10.0), replace(lid(0.1), motion=(0, 0, -1)), pressed))
     check_tools(ply(punch(5.0), replace(lid(0.1), motion=(0, 0, 5))))
     assert not caplog.text
 

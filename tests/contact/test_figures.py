@@ -221,7 +221,8 @@ def test_history_of_the_tools_agrees_with_summary_and_contacts(hemisphere):
     for contact in contacts(hemisphere.ply):
         touched = history[f"{contact.name}_nodes_in_contact"]
         for n, state in zip(touched, hemisphere.states, strict=True):
-            gaps = contact.gaps(state.u, state.load_factor)
+            p = state.parameters[contact.name]
+            gaps = contact.gaps(state.u, state.load_factor, p)
             assert n <= (gaps < 1e-6).sum()
         pressure = history[f"{contact.name}_max_pressure_N_per_mm2"]
         assert ((pressure > 0) == (touched > 0)).all()

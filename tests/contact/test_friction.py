@@ -33,6 +33,7 @@ from skfem_textile.contact import (
     tool_history,
 )
 from skfem_textile.contact.compaction import RigidHolder
+from skfem_textile.contact.figures import _against_wrinkles
 from skfem_textile.contact.friction import Friction
 from skfem_textile.ply.parameters import Values
 
@@ -757,6 +758,18 @@ def test_an_elastic_slip_of_the_size_of_elements_is_a_warning(slip, warned):
         "the ply too little: use 0.02 to 0.1 mm"
     )
     assert ply.contradictions([state]) == [expected] * warned
+
+
+def test_advice_against_wrinkles_names_what_the_holder_states():
+    law = Compaction(0.3, 1e-3, 8.0)
+    for stated, advice in (
+        ({"gap": 0.3}, "Reduce the gap of the holder"),
+        ({"pressure": 0.1}, "Increase the pressure of the holder"),
+        ({"force": 5.0, "compaction": law}, "Increase the force of the holder"),
+    ):
+        holder = Holder(PLANE, side=1, **stated)
+        ply = Ply(grid(9.0, 9.0, 1, 1), Fabric(1.0, 1.0), terms=[holder], dimension=3)
+        assert _against_wrinkles(ply).startswith(f"{advice}, or increase the tension")
 
 
 def test_a_force_without_a_ply_under_the_holder_is_a_warning():

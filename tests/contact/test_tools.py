@@ -8,10 +8,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
+from skfem import MeshQuad
 
 from skfem_textile import (
     BodyForce,
     Condition,
+    Fabric,
     Holder,
     LoadStepper,
     Macro,
@@ -240,6 +242,32 @@ def test_holders_with_outlines_are_segments():
         assert most == pytest.approx(pressures[term.name], rel=1e-3)
     total = sum(pressures[name] * areas[name] for name in boxes)
     assert state.reactions["table"][2] == pytest.approx(total, rel=2e-5)
+
+
+def test_nodes_on_an_outline_have_an_equilibrium():
+    """They would be pushed out where they touch, and fall back where they do not."""
+    outer, inner = (
+        r * np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1.0]]) for r in (120, 48)
+    )
+    outline, plane = np.hstack([outer, inner[:, ::-1]]), drape.Plane((0, 0, 0.1))
+    on_ring = {"side": -1, "outline": outline}
+    tools = [
+        Tool(plane, name="ring", **on_ring),
+        Holder(plane, pressure=1e-3, **on_ring),
+    ]
+    x = np.linspace(-80, 80, 6)  # 48 is one of them
+    mesh = MeshQuad.init_tensor(x, x).with_defaults()
+    fabric = Fabric(1e4, 0.1, bending=(1.0, 1.0))
+    ply = Ply(mesh, fabric, terms=tools, dimension=3)
+
+    def few(iteration):
+        assert iteration.number < 40
+
+    left = {"left": Condition("left", (-0.2, 0.0, None))}
+    run = LoadStepper(ply, left, steps=1, on_iteration=few).run()
+    total = 1e-3 * (160**2 - 96**2)
+    assert run.states[-1].reactions["ring"][2] == pytest.approx(-total, rel=0.01)
+    assert run.linear_solves < 60
 
 
 def test_a_holder_presses_on_the_undeformed_area_at_the_present_position():

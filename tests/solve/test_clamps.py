@@ -438,6 +438,7 @@ def test_a_gripper_lets_go_while_a_punch_forms_the_ply():
     assert result.converged
     assert 0.2 <= force <= 1.01 * 0.2
     assert before.reactions["punch"][2] > after.reactions["punch"][2] > 0
+    assert " N on the computed part of the ply; 'gripper' let go" in repr(result)
     assert after.energy_lost["gripper"] > before.energies["gripper"]
 
 

@@ -397,10 +397,10 @@ def test_a_run_shows_load_factor_travel_iteration_unknowns_and_what_is_left():
     assert stepper._run.progress() == f"analysing {unknowns}"
     stepper.run()
     assert lines[0] == (
-        f"load factor 0 (0 mm), iteration 1 to 0.25, 4 steps left, {unknowns}"
+        f"load factor 0 (moved by 0 mm), iteration 1 to 0.25, 4 steps left, {unknowns}"
     )
     start, end = lines[-1].split(" to 1, 0:00:0")
     u = np.linalg.norm(stepper.states[-2].displacements["pull"])
-    assert start.startswith(f"load factor 0.75 ({u:.4g} mm), iteration ")
+    assert start.startswith(f"load factor 0.75 (moved by {u:.4g} mm), iteration ")
     assert end.endswith(f" left, {unknowns}")
     assert "iteration" not in stepper._run.progress()
