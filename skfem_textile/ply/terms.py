@@ -170,11 +170,11 @@ class ContactTerm(ElementTerm):
     friction: Any = None
 
     @staticmethod
-    def check(ply: Any, moved: bool) -> None:
+    def check(ply: Any, moved: float) -> None:
         """Refuse the contact terms of this class in a ply, before a run.
 
         Raises a ValueError if they leave no room for the ply or never touch it;
-        ``moved`` is True if conditions prescribe displacements.
+        ``moved`` is the largest displacement in mm that conditions prescribe.
         """
 
     @staticmethod

@@ -203,9 +203,17 @@ class Problem:
     def energies(
         self, u: ndarray, parameters: PlyParameters
     ) -> tuple[dict[str, float], dict[str, float]]:
-        """Energies of the terms by name, and potentials of the loads."""
+        """Energies of the terms by name, and potentials of the loads.
+
+        Without the incremental potential of friction with tools, which belongs to a
+        step.
+        """
         arguments = u, self.load_factor, parameters
         every = self.clock.time("assembly", self.ply.energies, *arguments)
+        every |= {
+            x.name: x.potential(u, self.load_factor, parameters[x.name])
+            for x in self.rubbing
+        }
         potentials = {name: every.pop(name) for name in self._loads}
         return every, potentials
 

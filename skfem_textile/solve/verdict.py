@@ -37,6 +37,9 @@ CHECKS = (
 # Motion of a support, relative to the largest displacement, that is round-off.
 _ROUND_OFF = 64 * EPSILON
 
+#: Intervals of a step in which motions are followed, a limit of work.
+WITHIN_STEP = 8
+
 _STIFFER = "more steps, or a larger stabilisation"
 
 # Relative energy error of the trapezoidal rule above which a step is reported.  A
@@ -131,6 +134,34 @@ class Trial(Equilibrium):
     def move(self) -> ndarray:
         """Displacement in the step, shape (n_unknowns,); zero without a ``start``."""
         return self.u - self.start.u if self.start else np.zeros_like(self.u)
+
+    @cached_property
+    def missed_sliding(self) -> float:
+        """Share of the work of sliding on tools that the step misses, see `Friction`.
+
+        Zero without friction.  Of supports that move back and forth the whole ply is
+        assumed to follow the one that turns back most.
+        """
+        problem, start, p = self.problem, self.start, self.parameters
+        if start is None or not problem.rubbing:
+            return 0.0
+        t_0, t = start.load_factor, problem.load_factor
+        state = (start.u, t_0), self.u, t
+        missed = sum(x.friction.missed(p[x.name], *state) for x in problem.rubbing)
+        within = np.linspace(t_0, t, WITHIN_STEP + 1)
+        held = np.array([problem.constraints.fixed_values(s) for s in within])
+        path = np.abs(np.diff(held, axis=0)).sum(axis=0) * (1 - _ROUND_OFF)
+        back = path - np.abs(held[-1] - held[0])
+        bounds = sum(p[x.name]["bound"].sum() for x in problem.rubbing)
+        missed += float(bounds) * float(back.max(initial=0.0))
+        lost = problem.ply.energy_lost(self.u, t, p)
+        counted = sum(lost[x.name] for x in problem.rubbing)
+        return missed / max(missed + counted, TINY)
+
+    @property
+    def misses_sliding(self) -> bool:
+        """True if this share is above the limit."""
+        return self.missed_sliding > _MISSED_WORK
 
     @property
     def waits_for_tools(self) -> bool:
@@ -386,6 +417,14 @@ def _energy_checks(trial: Trial) -> _Failures:
             f"the energy changed by {rise:.3g} N·mm, but the work of the forces at "
             f"the ends of the step is {low:.3g} to {high:.3g} N·mm: the step is too "
             "long, or the ply jumped to another equilibrium"
+        )
+        yield "work", error
+    if trial.misses_sliding:
+        error = NoEquilibriumError(
+            f"the motion turns within the step: {trial.missed_sliding:.0%} of the work "
+            "of friction on tools is missed, because friction is opposite to the whole "
+            "slip in a step",
+            advice="more steps, one of which ends where the motion turns back",
         )
         yield "work", error
 

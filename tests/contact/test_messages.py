@@ -133,7 +133,7 @@ def test_invalid_laws_of_compaction(make, message):
         ),
         (
             lambda: Holder(drape.Plane(), force=1.0, side=1),
-            "'holder': its force makes it a holder, which .*: set compaction, or,",
+            "holder 'holder': a force requires a law of compaction .*: set comp",
         ),
         (
             lambda: Holder(drape.Plane(), pressure=1.0, compaction=LAW, side=1),
@@ -181,7 +181,7 @@ def test_invalid_laws_of_compaction(make, message):
                 Law(lambda t: 1e-3 * np.maximum(1 - t / 0.3, 0.0)),
                 side=1,
             ),
-            "compaction: the law carries less than the force 100 N",
+            "^holder 'holder': its law of compaction carries less than the force 100 N",
         ),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
         (lambda: Holder(drape.Plane(), gap=True, side=1), "at least 0 mm, got True"),

@@ -112,8 +112,10 @@ class System:
         if self._turn is not turn:
             self._turn, R = turn, turn.tobsr(blocksize=(d, d)).data
             turned = np.any(np.eye(d) != R, axis=(1, 2))
-            self._rows = np.flatnonzero(turned[pattern.rows])
-            self._cols = np.flatnonzero(turned[pattern.cols])
+            self._rows, self._cols = (
+                slice(None) if turned.all() else np.flatnonzero(turned[nodes])
+                for nodes in (pattern.rows, pattern.cols)
+            )
             self._left = R[pattern.rows[self._rows]].swapaxes(1, 2)
             self._right = R[pattern.cols[self._cols]]
         blocks = blocks.copy()
