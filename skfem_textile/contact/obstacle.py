@@ -450,7 +450,7 @@ class ToolTerm(ElementTerm):
         f = self._on_points(u, t, p)
         if self.friction:
             f = f + self.friction.forces(u, t, p)
-        return self._points.nodal(f)
+        return self._points.nodal(f) if f.any() else f.ravel()
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
         """Derivative of the residual with the parameters held fixed."""
@@ -619,10 +619,7 @@ class ToolContact(ToolTerm, ContactTerm):
         """−max(λ − κ g, 0) ∇g."""
         force = self.forces(u, t, p)
         f = np.zeros((len(force), 3))
-        if not (force.any() or self.friction):
-            return f.ravel()
-        if force.any():
-            nodes = np.flatnonzero(force)
+        if (nodes := np.flatnonzero(force)).size:
             normal, _ = self._obstacle.derivatives(self._at(u, t), nodes, t)
             f[nodes] = -(force[nodes] * normal).T
         return f
