@@ -37,12 +37,12 @@ from .mesh.bases import (
     GAUSS as GAUSS,
     ElementQuad1Fluctuation as ElementQuad1Fluctuation,
     HourglassBasis as HourglassBasis,
-    JumpBasis as JumpBasis,
     MacroBasis as MacroBasis,
     MeanBasis as MeanBasis,
     quad_basis as quad_basis,
     triangle_basis as triangle_basis,
 )
+from .mesh.edge_bases import JumpBasis as JumpBasis
 from .mesh.checks import MeshError as MeshError
 from .mesh.splitting import split as split
 from .ply import Ply as Ply

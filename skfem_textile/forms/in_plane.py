@@ -43,7 +43,8 @@ from skfem.helpers import ddot
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from ..fabric.law import with_slip
-from ..mesh.bases import JumpBasis, mean
+from ..mesh.bases import mean
+from ..mesh.edge_bases import JumpBasis
 from ..mesh.user_input import parameter
 from .form import (
     Forms,

@@ -23,7 +23,6 @@ from skfem import (
     ElementQuad1,
     ElementTriP2,
     ElementVector,
-    InteriorFacetBasis,
     MappingIsoparametric,
     Mesh,
     MeshQuad,
@@ -144,12 +143,12 @@ def quad_basis(
     dimension
         Number of displacement components: 2 in the plane, 3 in space.
     """
-    _refuse_mesh("quad_basis", mesh)
+    refuse_mesh("quad_basis", mesh)
     element = ElementVector(ElementQuad1(), dimension)
     return DisplacementBasis(mesh, element, QuadMapping(mesh), quadrature=rule)
 
 
-def _refuse_mesh(what: str, mesh: Any, kind: type[Mesh] = MeshQuad) -> None:
+def refuse_mesh(what: str, mesh: Any, kind: type[Mesh] = MeshQuad) -> None:
     """Refuse a mesh of elements of another shape, and what is not a mesh."""
     if not isinstance(mesh, Mesh) or mesh.refdom is not kind.elem.refdom:
         shape = "quadrilaterals" if kind is MeshQuad else "triangles"
@@ -160,7 +159,7 @@ def triangle_basis(
     mesh: Mesh, dimension: int = 2, rule: tuple[ndarray, ndarray] = THREE
 ) -> CellBasis:
     """Basis of a quadratic displacement on a `skfem.MeshTri`."""
-    _refuse_mesh("triangle_basis", mesh, MeshTri)
+    refuse_mesh("triangle_basis", mesh, MeshTri)
     element = ElementVector(ElementTriP2(), dimension)
     return DisplacementBasis(mesh, element, quadrature=rule)
 
@@ -267,7 +266,7 @@ class HourglassBasis(DisplacementBasis):
         elements: Any = None,
         quadrature: tuple[ndarray, ndarray] = GAUSS,
     ) -> None:
-        _refuse_mesh("HourglassBasis", mesh)
+        refuse_mesh("HourglassBasis", mesh)
         if not np.array_equal(quadrature[0], GAUSS[0]):
             raise ValueError("HourglassBasis has the 2×2 points: omit the quadrature")
         if not isinstance(dimension, Element):
@@ -527,36 +526,6 @@ def _distinct(nodes: ndarray) -> tuple[ndarray, ndarray]:
     return distinct, which
 
 
-class CornerBasis(CellBasis):
-    """Basis of the displacement at one node of each of the given elements.
-
-    Each of the n nodes of an element has the weight A/n, where A is the area of the
-    element.
-
-    Parameters
-    ----------
-    basis
-        Basis of the displacement.
-    elements, corners
-        Numbers of the elements, which may repeat, and the local number of the node.
-    """
-
-    def __init__(self, basis: CellBasis, elements: ndarray, corners: ndarray) -> None:
-        element: Any = basis.elem
-        points = element.elem.doflocs.T
-        super().__init__(
-            basis.mesh,
-            basis.elem,
-            mapping=basis.mapping,
-            dofs=basis.dofs,
-            elements=elements,
-            quadrature=(points[:, corners, None], np.ones(1)),
-            disable_doflocs=True,
-        )
-        area = basis.dx[elements].sum(axis=1, keepdims=True)
-        self.dx = area / points.shape[1]
-
-
 class Corners:
     """Area ratio det F at the nodes of the elements of a basis.
 
@@ -696,45 +665,3 @@ def sided(vectors: ndarray, normals: ndarray) -> ndarray:
     """
     side = (vectors * normals).sum(axis=0)
     return np.copysign(np.linalg.norm(vectors, axis=0), side)
-
-
-_MIDDLE = np.array([[0.5]]), np.array([1.0])
-
-
-class JumpBasis(InteriorFacetBasis):
-    """Basis of the displacement at the midpoints of interior edges, on both sides.
-
-    Each edge has two points at its midpoint, one in the element on either side; a jump
-    is the difference between them.  Their weights add up to (A⁺ + A⁻)/4, with the
-    reference areas of the two elements.
-
-    Parameters
-    ----------
-    mesh
-        A `skfem.MeshQuad`.
-    **kwargs
-        Passed to `skfem.InteriorFacetBasis`: ``mapping``, ``dofs``.
-    """
-
-    def __init__(self, mesh: Mesh, **kwargs: Any) -> None:
-        _refuse_mesh("JumpBasis", mesh)
-        element = ElementVector(ElementQuad1())
-        super().__init__(mesh, element, quadrature=_MIDDLE, **kwargs)
-        other = InteriorFacetBasis(mesh, element, quadrature=_MIDDLE, side=1, **kwargs)
-        set_element_dofs(self, np.vstack([self.element_dofs, other.element_dofs]))
-        first, second = np.eye(2)  # 1 at the point of this side, 0 at the other
-        self.basis = [
-            (DiscreteField(np.asarray(field) * sign, np.asarray(field.grad) * sign),)
-            for sign, side in ((first, self), (second, other))
-            for (field,) in side.basis
-        ]
-        self._sides = np.array([self.tind, other.tind]).T
-        self.X = np.repeat(self.X, 2, axis=1)
-        centre, _ = CENTRE
-        areas = [np.abs(self.mapping.detDF(centre, s.tind)) for s in (self, other)]
-        # (A⁺ + A⁻)/4, half of it for each of the two points
-        self.dx = np.repeat(sum(areas) / 8, 2, axis=1)
-
-    def default_parameters(self) -> dict[str, Any]:
-        """Position, and the element of each point."""
-        return {"x": self.global_coordinates(), "element": self._sides}

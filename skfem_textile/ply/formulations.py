@@ -17,7 +17,6 @@ from ..mesh.bases import (
     SIX,
     THREE,
     HourglassBasis,
-    JumpBasis,
     MacroBasis,
     MeanBasis,
     components,
@@ -26,6 +25,7 @@ from ..mesh.bases import (
     triangle_basis,
 )
 from ..mesh.checks import MeshError, check_mesh
+from ..mesh.edge_bases import JumpBasis
 from ..mesh.selection import SINGULAR
 from ..mesh.splitting import SplitMesh, cut, split, was_split
 from ..mesh.user_input import shortened
