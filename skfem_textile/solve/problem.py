@@ -379,9 +379,9 @@ class Problem:
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
         size = np.abs(u).max(initial=0.0) + np.abs(self.nodes).max()
         size *= constraints.rounding
-        reached = bool((np.abs(off) <= 8 * EPSILON * size).all())
-        on_surfaces = not self.surfaces or self.surfaces.are_on(u, self.load_factor)
-        return reached and on_surfaces
+        if not (np.abs(off) <= 8 * EPSILON * size).all():
+            return False
+        return not self.surfaces or self.surfaces.are_on(u, self.load_factor)
 
     def in_domain(self, u: ndarray, parameters: PlyParameters) -> bool:
         """True if every law is defined at ``u`` and has a finite energy."""
