@@ -31,6 +31,7 @@ from .forms import (
     shear_continuity as shear_continuity,
     tension as tension,
 )
+from .forms.in_plane import JumpBasis as JumpBasis
 from .forms.fields import FibreFields as FibreFields, fibre_fields as fibre_fields
 from .mesh.bases import (
     CENTRE as CENTRE,
@@ -42,7 +43,6 @@ from .mesh.bases import (
     quad_basis as quad_basis,
     triangle_basis as triangle_basis,
 )
-from .mesh.edge_bases import JumpBasis as JumpBasis
 from .mesh.checks import MeshError as MeshError
 from .mesh.splitting import split as split
 from .ply import Ply as Ply

@@ -11,6 +11,7 @@ from skfem import CellBasis, ElementQuad1, ElementTriP1, Mesh
 from .. import declarations as declared
 from .. import forms
 from ..fabric import Fabric
+from ..forms.in_plane import JumpBasis
 from ..mesh.bases import (
     CENTRE,
     GAUSS,
@@ -25,7 +26,6 @@ from ..mesh.bases import (
     triangle_basis,
 )
 from ..mesh.checks import MeshError, check_mesh
-from ..mesh.edge_bases import JumpBasis
 from ..mesh.selection import SINGULAR
 from ..mesh.splitting import SplitMesh, cut, split, was_split
 from ..mesh.user_input import shortened

@@ -6,8 +6,7 @@ from skfem import MeshQuad, asm
 
 from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
 from skfem_textile.forms import corner_resistance
-from skfem_textile.forms.in_plane import RESISTING, resistance
-from skfem_textile.mesh.edge_bases import CornerBasis
+from skfem_textile.forms.in_plane import RESISTING, CornerBasis, resistance
 from skfem_textile.mesh.splitting import split
 from skfem_textile.ply import builtin_terms
 from skfem_textile.scenes import bias_extension, strip
