@@ -31,13 +31,13 @@ from .forms import (
     shear_continuity as shear_continuity,
     tension as tension,
 )
-from .forms.in_plane import JumpBasis as JumpBasis
 from .forms.fields import FibreFields as FibreFields, fibre_fields as fibre_fields
 from .mesh.bases import (
     CENTRE as CENTRE,
     GAUSS as GAUSS,
     ElementQuad1Fluctuation as ElementQuad1Fluctuation,
     HourglassBasis as HourglassBasis,
+    JumpBasis as JumpBasis,
     MacroBasis as MacroBasis,
     MeanBasis as MeanBasis,
     quad_basis as quad_basis,

@@ -11,13 +11,13 @@ from skfem import CellBasis, ElementQuad1, ElementTriP1, Mesh
 from .. import declarations as declared
 from .. import forms
 from ..fabric import Fabric
-from ..forms.in_plane import JumpBasis
 from ..mesh.bases import (
     CENTRE,
     GAUSS,
     SIX,
     THREE,
     HourglassBasis,
+    JumpBasis,
     MacroBasis,
     MeanBasis,
     components,

@@ -184,9 +184,9 @@ class Problem:
     @cached_property
     def system(self) -> System:
         """`System` of the free unknowns, see `System.of`; its construction is timed."""
-        clock, ply = self.clock, self.ply
+        clock, ply, constraints = self.clock, self.ply, self.constraints
         pattern = clock.time("assembly", lambda: ply.pattern)
-        arguments = pattern, self.nodes, self.constraints, self._solver
+        arguments = pattern, self.nodes, constraints, self._solver
         return clock.time("solve", System.of, *arguments)
 
     def energy(self, u: ndarray, parameters: PlyParameters) -> float:
@@ -379,9 +379,9 @@ class Problem:
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
         size = np.abs(u).max(initial=0.0) + np.abs(self.nodes).max()
         size *= constraints.rounding
-        if not (np.abs(off) <= 8 * EPSILON * size).all():
-            return False
-        return not self.surfaces or self.surfaces.are_on(u, self.load_factor)
+        surfaces, t = self.surfaces, self.load_factor
+        reached = bool((np.abs(off) <= 8 * EPSILON * size).all())
+        return reached and (not surfaces or surfaces.are_on(u, t))
 
     def in_domain(self, u: ndarray, parameters: PlyParameters) -> bool:
         """True if every law is defined at ``u`` and has a finite energy."""
@@ -646,8 +646,8 @@ class Tangent:
         entries, diagonal, n = np.abs(upper.data), upper.indptr[:-1], upper.shape[0]
         rows = np.add.reduceat(entries, diagonal) - entries[diagonal]
         rows += np.bincount(upper.indices, entries, n)
-        of_entry = np.repeat(np.arange(n), np.diff(coupling.indptr))
-        rows += np.bincount(of_entry, np.abs(coupling.data), n)
+        row = np.repeat(np.arange(n), np.diff(coupling.indptr))
+        rows += np.bincount(row, np.abs(coupling.data), n)
         return float(rows.max(initial=0.0))
 
 

@@ -18,7 +18,7 @@ from skfem import (
 from skfem.helpers import ddot, grad
 
 import skfem_textile
-from skfem_textile.forms.in_plane import CornerBasis
+from skfem_textile.mesh.bases import CornerBasis
 from skfem_textile.mesh.scikit_fem import (
     OwnAssembly,
     matrix_entries,
