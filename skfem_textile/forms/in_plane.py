@@ -317,7 +317,8 @@ def resistance(J: ndarray) -> tuple[ndarray, ndarray, ndarray]:
 def corner_resistance(stiffness: float) -> Forms:
     """Resistance of corners with the energy κ Σ A/n b(det F).
 
-    The forms require a `CornerBasis`.
+    The forms require a basis with one point, a node, in each of its elements, with the
+    weight A/n: the area of the element over its number of nodes.
 
     Parameters
     ----------

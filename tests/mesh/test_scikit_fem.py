@@ -18,7 +18,6 @@ from skfem import (
 from skfem.helpers import ddot, grad
 
 import skfem_textile
-from skfem_textile.mesh.bases import CornerBasis
 from skfem_textile.mesh.scikit_fem import (
     OwnAssembly,
     matrix_entries,
@@ -60,12 +59,6 @@ def test_elements_of_a_basis_accept_other_unknowns_and_positions(basis):
     np.testing.assert_array_equal(np.asarray(basis.default_parameters()["x"]), x)
     used = asm(LinearForm(lambda v, w: w["x"][0] * v[0]), basis)
     assert set(np.flatnonzero(used)) <= set(reversed_dofs[:4].ravel())
-
-
-def test_weights_at_the_corners_of_an_element_add_up_to_its_area(basis):
-    element, corner = np.divmod(np.arange(16), 4)
-    weights = CornerBasis(basis, element, corner).dx
-    assert np.bincount(element, weights[:, 0]) == pytest.approx(0.25)
 
 
 def number(basis, energy, u):
