@@ -61,25 +61,14 @@ class ToolInPhase(Table):
 
     def build(self) -> dict[str, Any]:
         """Values by the names of `contact.Phase`, angles in radians."""
-        built = {
-            _NAMES[key]: built_value(value)
-            for key in self.__struct_fields__
-            if (value := getattr(self, key)) is not None
+        given = {key: getattr(self, key) for key in self.__struct_fields__}
+        if (rotation := given.pop("motion_deg")) is not None:
+            given["rotation"] = in_radians(rotation)
+        return {
+            key.partition("_")[0]: built_value(value)
+            for key, value in given.items()
+            if value is not None
         }
-        if "rotation" in built:
-            built["rotation"] = in_radians(built["rotation"])
-        return built
-
-
-# Names in Python.
-_NAMES = {
-    "motion_mm": "motion",
-    "motion_deg": "rotation",
-    "gap_mm": "gap",
-    "pressure_N_per_mm2": "pressure",
-    "force_N": "force",
-    "friction": "friction",
-}
 
 
 class PhaseTable(Table):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 from msgspec import Meta
 
 from .. import declarations as declared
+from ..mesh.user_input import errors_in
 from .tables import (
     FILE,
     DeclaredTable,
@@ -141,10 +142,8 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         outline = None
         if self.outline_mm is not None:
             outline = np.array(self.outline_mm).reshape(-1, 2).T - axes.origin[:2, None]
-        try:
+        with errors_in(f"{what}: "):
             surface = self.surface_in(axes)
-        except ValueError as error:
-            raise ValueError(f"{what}: {error}") from None
         common: dict[str, Any] = {
             "surface": surface,
             "motion": self._motion(what, axes, turned),
@@ -185,10 +184,14 @@ class ToolTable(DeclaredTable, tag_field="surface"):
                 )
             return translation
         from ..contact.tool import AboutAxis
+        from ..ply.amount import Rows
 
         angle = _amount(f"{what}.motion_deg", in_radians(self.motion_deg))
+        moved, turned_by = (
+            x if callable(x) else Rows.reaching(x) for x in (translation, angle)
+        )
         point = self.motion_point_mm - axes.origin
-        return AboutAxis(translation, angle, self.motion_axis, point)
+        return AboutAxis(moved, turned_by, self.motion_axis, point)
 
     def _translation(self, what: str) -> Any:
         rows = self.motion_mm
@@ -207,9 +210,9 @@ class ToolTable(DeclaredTable, tag_field="surface"):
 def _amount(what: str, amount: Any) -> Any:
     if not isinstance(amount, tuple):
         return amount
-    from ..solve.programme import BetweenRows
+    from ..ply.amount import Rows
 
-    return BetweenRows(what, amount)
+    return Rows.of(what, amount)
 
 
 def in_radians(value: Amount) -> Amount:

@@ -31,7 +31,7 @@ from .interruption import held
 from .output import STOPPED_EARLY, complain, say
 from .page import say_rows
 from .result_folder import ResultFolder
-from .run_options import as_typed
+from .run_options import typed
 
 _PART = ("part.vtu", "part.csv", "part.inp")
 
@@ -210,12 +210,10 @@ class PartExport:
             for path, value in vars(options).items()
             if path.startswith("output.")
         }
-        try:
+        with typed(options):
             output = converted("output", keys, Output)
             refuse_incomplete({"output": output}, known)
             return cls.read(output)
-        except ValueError as error:
-            raise ValueError(as_typed(str(error), options)) from None
 
     def __bool__(self) -> bool:
         """True if there is something to export."""

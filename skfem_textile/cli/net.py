@@ -39,7 +39,7 @@ from .net_report import (
 from .output import STOPPED_EARLY, complain, say
 from .page import rows, say_rows, sources, write_page
 from .result_folder import ResultFolder
-from .run_options import as_typed
+from .run_options import typed
 
 # Files of the command.
 _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
@@ -224,12 +224,10 @@ def _laid(options: argparse.Namespace) -> Part:
 
 def _outline(options: argparse.Namespace) -> Outline:
     """Outline of the flat ply, its middle at the origin."""
-    try:
+    with typed(options):
         outline = Outline.from_file(
             options.outline, unit=options.outline_unit, layer=options.layer
         )
-    except ValueError as error:
-        raise ValueError(as_typed(str(error), options)) from None
     low, high = outline.polygon.min(axis=1), outline.polygon.max(axis=1)
     middle = 0.5 * (low + high)[:, None]
     return Outline(outline.polygon - middle, [hole - middle for hole in outline.holes])

@@ -4,6 +4,7 @@ import argparse
 import platform
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -13,9 +14,8 @@ import numpy as np
 
 from .. import __version__, io
 from ..cases.build import built
-from ..cases.read import CaseFile, CaseFileError, declared, default_laws, read_tables
+from ..cases.read import CaseFile, declared, default_laws
 from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
-from ..declarations.words import is_case_file
 from ..mesh.progress import log_to_stderr, shown
 from ..mesh.user_input import printable
 from ..nets.sheet import Sheet
@@ -33,7 +33,7 @@ from .output import STOPPED_EARLY, OutputError, complain, say
 from .page import say_rows
 from .report import PHASES, REPORT, SAMPLES
 from .result_folder import ResultFolder
-from .run_options import as_typed, tables_of_options
+from .run_options import with_tables
 
 if TYPE_CHECKING:
     from .samples import Sampling
@@ -55,18 +55,7 @@ def run(options: argparse.Namespace) -> int:
     OutputError
         If the results cannot be written.
     """
-    if not is_case_file(options.scene):
-        tables: dict[str, Any] = {"scene": {"name": options.scene}}
-        try:
-            return _run(tables_of_options(tables, options), Path(), options)
-        except ValueError as error:
-            raise ValueError(as_typed(str(error), options)) from None
-    path = Path(options.scene)
-    tables = read_tables(path)
-    try:
-        return _run(tables_of_options(tables, options), path.parent, options)
-    except ValueError as error:
-        raise CaseFileError(f"{printable(path)}: {error}") from None
+    return with_tables(options, partial(_run, options=options))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # results that are not finite are refused

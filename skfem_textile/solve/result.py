@@ -412,27 +412,38 @@ class Result:
             **({"warnings": self.warnings} if self.warnings else {}),
         }
 
+    def at_centres(self) -> tuple[ndarray, ndarray, ndarray]:
+        """Means of the vertices of elements, (2, n), shear angles there, and areas.
+
+        Shear angles in the last state, and areas in the reference configuration, (n,).
+        """
+        ply = self.ply
+        angle = ply.shear_angle(self.u, ply.centre)[:, 0]
+        area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
+        return ply.mesh.p[:, ply.mesh.t].mean(axis=1), angle, area
+
     def place_of_shear(
         self, stated: Callable[[ndarray], ndarray] = lambda x: x
     ) -> dict[str, float]:
         """Centre of the element with the largest shear angle in mm, for a summary.
 
         The first of those whose angles are equal within round-off.  Positions, shape
-        (d, n), are converted by ``stated``.  Empty for a ply that is not on its tool.
+        (d, n), are converted by ``stated``.
         """
-        if self.not_on_tool:
-            return {}
         angle = np.abs(self.ply.shear_angle(self.u)).max(axis=1)
         first = int((angle >= (1 - _EQUAL) * angle.max()).argmax())
         return self.place_of(first, "max_shear_angle_at", stated)
 
     def place_of(
-        self, element: int, name: str, stated: Callable[[ndarray], ndarray]
+        self, element: int | None, name: str, stated: Callable[[ndarray], ndarray]
     ) -> dict[str, float]:
         """Current centre of an element in mm, by keys that begin with a name.
 
-        The position, shape (d, 1), is converted by ``stated``.
+        The position, shape (d, 1), is converted by ``stated``.  Empty without an
+        element, and for a ply that is not on its tool.
         """
+        if element is None or self.not_on_tool:
+            return {}
         corners = self.ply.positions(self.u)[:, self.ply.mesh.t[:, element]]
         place = stated(corners.mean(axis=1, keepdims=True))[:, 0]
         return components_mm(name, place)
