@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Vector: TypeAlias = tuple[float, float, float]
 
 #: A number, or rows of load factor and number.
-Amount: TypeAlias = float | tuple[tuple[float, float], ...]
+NumberOrRows: TypeAlias = float | tuple[tuple[float, float], ...]
 
 _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -62,7 +62,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         ),
     ] = _ORIGIN
     motion_deg: Annotated[
-        Amount,
+        NumberOrRows,
         about(
             "final rotation about an axis, in proportion to the load factor, "
             "counterclockwise if the axis points to the viewer, before the "
@@ -91,23 +91,23 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         ),
     ] = None
     friction: Annotated[
-        Amount, about(f"coefficient of Coulomb friction with the ply; or {_ROWS}")
+        NumberOrRows, about(f"coefficient of Coulomb friction with the ply; or {_ROWS}")
     ] = 0.0
     elastic_slip_mm: Annotated[
         float, Meta(gt=0), about("slip up to which friction is elastic")
     ] = 0.02
     gap_mm: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(
             f"for a holder: largest distance of the ply from the surface; or {_ROWS}"
         ),
     ] = None
     pressure_N_per_mm2: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(f"for a holder: pressure towards the surface; or {_ROWS}"),
     ] = None
     force_N: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(
             "for a rigid holder: force on the computed part of the ply towards the "
             f"surface; or {_ROWS}"
@@ -215,7 +215,7 @@ def _amount(what: str, amount: Any) -> Any:
     return Rows.of(what, amount)
 
 
-def in_radians(value: Amount) -> Amount:
+def in_radians(value: NumberOrRows) -> NumberOrRows:
     """An angle, or the angles in rows, in radians."""
     if isinstance(value, tuple):
         return tuple((at, radians(angle)) for at, angle in value)

@@ -251,7 +251,7 @@ class Newton:
     Between tools, each increment determines the contact nodes (`ActiveSet`).  An
     increment that rotates nearly inextensible fibres stretches them to second order and
     may increase the energy, which the next increments decrease (`Descent`).  Parameters
-    are updated on the way to the first equilibrium at a load factor, and kept in the
+    are updated before the first equilibrium at a load factor, and kept in the
     iterations that follow an update there.
 
     At an unstable equilibrium, or if it has not converged and the tangent is
