@@ -52,7 +52,7 @@ class Status(IntEnum):
 
 
 #: True for reasons that stop all crossings behind, by their number.
-_STOPS = np.isin(Status, (Status.FOLDED, Status.OFF, Status.BEHIND))
+_STOPS = np.isin(list(Status), (Status.FOLDED, Status.OFF, Status.BEHIND))
 
 #: Signs of the quadrants of a net along warp and weft.
 QUADRANTS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
