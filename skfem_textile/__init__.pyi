@@ -46,6 +46,7 @@ from .mesh.bases import (
 from .mesh.checks import MeshError as MeshError
 from .mesh.splitting import split as split
 from .ply import Ply as Ply
+from .ply.amount import Programme as Programme
 from .ply.clamps import Clamp as Clamp
 from .ply.formulations import (
     Full as Full,
@@ -86,7 +87,6 @@ from .solve.states import CheckpointError as CheckpointError
 from .solve.conditions import Condition as Condition
 from .solve.interval import ErrorInterval as ErrorInterval
 from .solve.newton import Newton as Newton, PlainNewton as PlainNewton
-from .solve.programme import Programme as Programme
 from .solve.result import Result as Result, StepError as StepError
 from .solve.search import equilibrium_near as equilibrium_near
 from .solve.states import (

@@ -10,6 +10,7 @@ from numpy import ndarray
 from scipy import linalg
 
 from ..fabric import Linear
+from ..mesh.user_input import errors_in
 from .models import Model
 
 #: Laws of a fabric by name, see `PARTS`.
@@ -114,13 +115,11 @@ def solve_nonlinear(
     def residual(values: ndarray) -> ndarray:
         return root * (predict(model.build(values)) - measured)
 
-    try:
+    with errors_in(f"the fit of the law {model.name} failed: "):
         found = optimize().least_squares(
             residual, inside, bounds=(model.low, model.high), x_scale=scale
         )
         values = found.x
-    except ValueError as error:
-        raise ValueError(f"the fit of the law {model.name} failed: {error}") from None
     return _at_bounds(model, values, scale)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..declarations.words import OF_FILES, Options
-from ..mesh.user_input import printable
+from ..mesh.user_input import errors_in, printable, refuse_unknown
 from ..scenes.shear_test import BiasExtension, PictureFrame
 from .bending import read_bending, read_cantilever
 from .choice import Test
@@ -160,10 +160,8 @@ def _options(where: str, known: Options, table: Mapping[str, Any]) -> Namespace:
     for key, value in table.items():
         if key in _KEYS:
             continue
-        if key not in flags:
-            raise ValueError(
-                f"{where}: unknown key {key!r}: choose one of {', '.join(flags)}"
-            )
+        with errors_in(f"{where}: "):
+            refuse_unknown("key", key, flags)
         values[key] = _converted(f"{where}, {key}", known[flags[key]], value)
     return Namespace(**values)
 

@@ -26,14 +26,15 @@ from ..fabric.directions import FibreDirections, directions_of, warn_of_directio
 from ..fabric.regions import fabric_of_regions
 from ..mesh.extents import warn_of_outline
 from ..mesh.selection import SINGULAR
-from ..mesh.user_input import coords, printable
+from ..mesh.user_input import coords, errors_in, printable
 from ..outlines.drawings import kind_of_drawing
+from ..ply.amount import AmountLike, proportional
 from ..ply.formulations import DEFAULT
 from ..ply.loads import BodyForce, Force
-from ..ply.terms import Factor, Load, proportional
+from ..ply.terms import Load
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
-from .fabrics import errors_in, fabric_of_file
+from .fabrics import fabric_of, fabric_of_tables
 from .phases import described_phase, furthest, in_phases
 from .read import (
     CaseFile,
@@ -47,11 +48,8 @@ from .read import (
 from .scenes import Scene as SceneTable
 from .schema import (
     MESH_KINDS,
-    Bending,
     Loads,
     Mesh,
-    Shear,
-    Tension,
 )
 from .schema import (
     Clamp as ClampTable,
@@ -117,10 +115,8 @@ def case_from_file(path: str | os.PathLike[str]) -> Case:
     """
     path = Path(path)
     tables = read_tables(path)
-    try:
+    with errors_in(f"{printable(path)}: ", CaseFileError):
         return case_from_tables(tables, path.parent)
-    except CaseFileError as error:
-        raise CaseFileError(f"{printable(path)}: {error}") from None
 
 
 def case_from_tables(
@@ -150,10 +146,8 @@ def case_from_tables(
     Traceback (most recent call last):
     skfem_textile.cases.read.CaseFileError: stepping.steps is a function, ...
     """
-    try:
+    with errors_in("", CaseFileError):
         return built(declared(tables, folder), default=default_laws(tables))
-    except ValueError as error:
-        raise CaseFileError(str(error)) from None
 
 
 def _defaults(file: CaseFile, case: Case, default: Collection[str]) -> str:
@@ -198,30 +192,15 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
             "the table [vary] is for sweeps (`skfem-textile sweep`): this case has the "
             "values of its other tables"
         )
-    assumed: list[str] = []
-    if file.fabric.file is None:
-        laws = _fabric(file.tension, file.shear, file.bending)
-    else:
-        laws, assumed = fabric_of_file(file.fabric)
+    laws, assumed = fabric_of(file)
     scene = _with_tools(_scene(file, laws, density), file)
     if file.stepping.is_programme:
         scene = file.stepping.applied(scene)
     if file.mesh.outline is not None and scene.dimension == 3:
         _warn_of_unit(file.mesh.outline, scene)
-    fabric: Any = replace(laws, warp=scene.warp, weft=scene.weft)
-    if file.mesh.directions is not None:
-        scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
-    if file.fabric.file is not None:
-        _warn_of_other_directions(file, laws, scene, fabric)
-    if file.regions:
-        scene, fabric = _with_regions(scene, fabric, file)
-    of_phases = scene.process and scene.process.loads
-    factor: Factor = of_phases or scene.programme or proportional
-    loads = _loads(file.loads, factor, of_phases or 1.0)
-    if scene.rotation:
-        loads = tuple(load.turned(scene.turn) for load in loads)
-    loads += _clamps(scene, file.clamps)
-    fit = _fitted(scene, fabric, loads, file.mesh.as_is)
+    scene, fabrics = _with_fibres(scene, laws, file)
+    loads = _all_loads(scene, file)
+    fit = _fitted(scene, fabrics, loads, file.mesh.as_is)
     if isinstance(fabric := fit.fabric, Mapping):
         fabric = fabric_of_regions(fit.mesh, fabric)
     case = Case(
@@ -239,6 +218,28 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     )
     notes = filter(None, (_defaults(file, case, default), *assumed))
     return replace(case, defaults="; ".join(notes))
+
+
+def _with_fibres(
+    scene: "Scene", laws: Fabric, file: CaseFile
+) -> tuple["Scene", Fabric | dict[str, Fabric]]:
+    """Scene and fabric with the fibre directions of the scene, a file or regions."""
+    fabric: Any = replace(laws, warp=scene.warp, weft=scene.weft)
+    if file.mesh.directions is not None:
+        scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
+    if file.fabric.file is not None:
+        _warn_of_other_directions(file, laws, scene, fabric)
+    return _with_regions(scene, fabric, file) if file.regions else (scene, fabric)
+
+
+def _all_loads(scene: "Scene", file: CaseFile) -> tuple[Any, ...]:
+    """Loads and clamps of a case besides its scene."""
+    of_phases = scene.process and scene.process.loads
+    factor: AmountLike = of_phases or scene.programme or proportional
+    loads = _loads(file.loads, factor, of_phases or 1.0)
+    if scene.rotation:
+        loads = tuple(load.turned(scene.turn) for load in loads)
+    return *loads, *_clamps(scene, file.clamps)
 
 
 def _steps(file: CaseFile, scene: "Scene") -> int | tuple[int, ...]:
@@ -323,7 +324,7 @@ def refuse_incomplete(
 
 
 def _loads(
-    of: Loads, factor: Factor = proportional, of_weight: Factor = 1.0
+    of: Loads, factor: AmountLike = proportional, of_weight: AmountLike = 1.0
 ) -> tuple[Any, ...]:
     """Forces on boundaries and the weight, with their factors."""
     forces = tuple(Force(name, total, factor) for name, total in of.force_N.items())
@@ -566,32 +567,6 @@ def _is_copy(named: str | None, file: str) -> bool:
         return False
 
 
-def _fabric(
-    tension: Tension,
-    shear: Shear,
-    bending: Bending,
-    fibres: tuple[Any, Any] = (Fabric.warp, Fabric.weft),
-) -> Fabric:
-    """Fabric with the given laws; an error names the table."""
-    with errors_in("tension "):
-        warp = tension.build()
-    with errors_in("tension weft "):
-        weft = None if tension.weft is None else tension.weft.build()
-    with errors_in("shear "):
-        of_shear = shear.build()
-    with errors_in("bending "):
-        of_bending = bending.build()
-    return Fabric(
-        warp if weft is None else (warp, weft),
-        of_shear,
-        *fibres,
-        of_bending,
-        bending.twist_N_mm,
-        np.radians(shear.wrinkling_angle_deg),
-        None if shear.yarns is None else shear.yarns.construct(),
-    )
-
-
 def _with_directions(
     file: str, scene: "Scene", fabric: Fabric
 ) -> tuple["Scene", Fabric]:
@@ -664,7 +639,7 @@ def _with_regions(
             for plain, degrees in angles
         ]
         with errors_in(f"region {name!r}: "):
-            fabrics[name] = _fabric(
+            fabrics[name] = fabric_of_tables(
                 region.tension or file.tension,
                 region.shear or file.shear,
                 region.bending or file.bending,

@@ -1,7 +1,6 @@
 """Fabrics of cases: from files, with samples, and as tables of a case file."""
 
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -16,21 +15,53 @@ from ..fabric import (
     TwoLaws,
 )
 from ..fabric.law import n_slips
-from ..mesh.user_input import printable
-from .schema import FabricOfFile, ShearLaw, TensionLaw, with_compression
+from ..mesh.user_input import errors_in
+from .schema import (
+    Bending,
+    FabricOfFile,
+    Shear,
+    ShearLaw,
+    Tension,
+    TensionLaw,
+    with_compression,
+)
 from .write import tables_of
 
 if TYPE_CHECKING:
     from ..io.fabrics import FabricOfFile as FabricWithOrigin
 
 
-@contextmanager
-def errors_in(place: str) -> Iterator[None]:
-    """Let errors begin with the place of their values in the case."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{place}{printable(error)}") from None
+def fabric_of_tables(
+    tension: Tension,
+    shear: Shear,
+    bending: Bending,
+    fibres: tuple[Any, Any] = (Fabric.warp, Fabric.weft),
+) -> Fabric:
+    """Fabric with the given laws; an error names the table."""
+    with errors_in("tension "):
+        warp = tension.build()
+    with errors_in("tension weft "):
+        weft = None if tension.weft is None else tension.weft.build()
+    with errors_in("shear "):
+        of_shear = shear.build()
+    with errors_in("bending "):
+        of_bending = bending.build()
+    return Fabric(
+        warp if weft is None else (warp, weft),
+        of_shear,
+        *fibres,
+        of_bending,
+        bending.twist_N_mm,
+        np.radians(shear.wrinkling_angle_deg),
+        None if shear.yarns is None else shear.yarns.construct(),
+    )
+
+
+def fabric_of(file: Any) -> tuple[Fabric, list[str]]:
+    """Fabric of a case, and notes on it, see `fabric_of_file`."""
+    if file.fabric.file is None:
+        return fabric_of_tables(file.tension, file.shear, file.bending), []
+    return fabric_of_file(file.fabric)
 
 
 def fabric_of_file(table: FabricOfFile) -> tuple[Fabric, list[str]]:

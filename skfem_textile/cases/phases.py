@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 from msgspec import Meta, field, structs
 
 from .tables import Table, about
-from .tools import Amount, in_radians
+from .tools import NumberOrRows, in_radians
 
 if TYPE_CHECKING:
     from ..contact import Holder, Phase, Tool
@@ -24,7 +24,7 @@ class RowsOfTravel(Table):
 
 
 #: A number, rows of the share of a phase and number, or rows of a travel.
-InPhase: TypeAlias = Amount | RowsOfTravel
+InPhase: TypeAlias = NumberOrRows | RowsOfTravel
 
 _SHARES = (
     "at the end of the phase, reached linearly; or rows of the share of the phase, 0 "
@@ -46,7 +46,7 @@ class ToolInPhase(Table):
         ),
     ] = None
     motion_deg: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(f"rotation about the axis of the tool, by default z, {_SHARES}"),
     ] = None
     gap_mm: Annotated[InPhase | None, about(f"gap of a holder, {_ROWS}")] = None
@@ -61,25 +61,14 @@ class ToolInPhase(Table):
 
     def build(self) -> dict[str, Any]:
         """Values by the names of `contact.Phase`, angles in radians."""
-        built = {
-            _NAMES[key]: built_value(value)
-            for key in self.__struct_fields__
-            if (value := getattr(self, key)) is not None
+        given = {key: getattr(self, key) for key in self.__struct_fields__}
+        if (rotation := given.pop("motion_deg")) is not None:
+            given["rotation"] = in_radians(rotation)
+        return {
+            key.partition("_")[0]: built_value(value)
+            for key, value in given.items()
+            if value is not None
         }
-        if "rotation" in built:
-            built["rotation"] = in_radians(built["rotation"])
-        return built
-
-
-# Names in Python.
-_NAMES = {
-    "motion_mm": "motion",
-    "motion_deg": "rotation",
-    "gap_mm": "gap",
-    "pressure_N_per_mm2": "pressure",
-    "force_N": "force",
-    "friction": "friction",
-}
 
 
 class PhaseTable(Table):

@@ -7,6 +7,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -15,7 +16,7 @@ import msgspec
 from msgspec import Struct
 
 from ..declarations.scenes import GRADED, AnyScene, WithTools
-from ..mesh.user_input import excerpt, printable
+from ..mesh.user_input import errors_in, excerpt, printable
 from .phases import PhaseTable, ToolInPhase, furthest
 from .scenes import SCENES
 from .scenes import AnyScene as SceneTable
@@ -107,12 +108,10 @@ def read_tables(path: Path) -> dict[str, Any]:
     """
     with open(path, "rb") as file:
         data = file.read(_MOST_BYTES + 1)
-    try:
+    with errors_in(f"{printable(path)}: ", CaseFileError):
         if len(data) > _MOST_BYTES:
             raise ValueError(f"a case file may contain at most {_MOST_BYTES} bytes")
         return _toml(data)
-    except ValueError as error:
-        raise CaseFileError(f"{printable(path)}: {error}") from None
 
 
 def _toml(data: bytes) -> dict[str, Any]:
@@ -145,64 +144,54 @@ def declared(
         one line and names the key.
     """
     try:
-        if not isinstance(tables, Mapping):
-            raise ValueError(f"a case must be a table of tables, not {_quoted(tables)}")
-        _refuse_values("", tables)
-        scene = _scene_of(tables.get("scene", {}))
-        regions = tables.get("regions", {})
-        if not isinstance(regions, dict):
-            raise ValueError(f"regions must be a table, not {_quoted(regions)}")
-        arrays = {name: tables.get(name, []) for name in ARRAYS}
-        for name, array in arrays.items():
-            if not isinstance(array, list | tuple):
-                raise ValueError(
-                    f"{name} must be an array of tables, [[{name}]], not "
-                    f"{_quoted(array)}"
-                )
-        none: dict[str, Any] = {**dict.fromkeys(ARRAYS, ()), "regions": {}, "vary": {}}
-        of_phases = tuple(
-            _phase(_named("phases", number, phase), phase)
-            for number, phase in enumerate(arrays["phases"], 1)
-        )
-        filled = _with_defaults(_for_phases(tables, of_phases), scene)
-        case = converted("", {**filled, **none}, CaseFile)
-        case = msgspec.structs.replace(
-            case,
-            vary=varied(tables.get("vary", {})),
-            **{
-                name: tuple(
-                    converted(_named(name, number, table), table, ARRAYS[name])
-                    for number, table in enumerate(array, 1)
-                )
-                for name, array in arrays.items()
-                if name != "phases"
-            },
-            phases=of_phases,
-            regions={
-                name: converted(
-                    f"regions.{printable(name)}",
-                    _laws_nested(region, Region, scene),
-                    Region,
-                )
-                for name, region in regions.items()
-            },
-        )
+        with errors_in("", CaseFileError):
+            case = _case(tables)
     except RecursionError:
         raise CaseFileError("tables are nested too deeply") from None
-    except ValueError as error:
-        raise CaseFileError(str(error)) from None
+    return with_files(case, partial(_found, folder))
 
-    def found(path: str, name: str) -> str:
-        if path != "fabric.file" or Path(name).suffix:
-            return str(Path(folder) / name)
-        from ..fabric.catalogue import file_of  # needed for few cases
 
-        try:
-            return str(file_of(name))
-        except ValueError as error:
-            raise CaseFileError(f"{path} {error}") from None
+def _case(tables: Any) -> CaseFile:
+    """Validated declaration of a case, with file names as stated."""
+    if not isinstance(tables, Mapping):
+        raise ValueError(f"a case must be a table of tables, not {_quoted(tables)}")
+    _refuse_values("", tables)
+    scene = _scene_of(tables.get("scene", {}))
+    regions = tables.get("regions", {})
+    if not isinstance(regions, dict):
+        raise ValueError(f"regions must be a table, not {_quoted(regions)}")
+    arrays = {name: _array(name, tables.get(name, [])) for name in ARRAYS}
+    filled = _with_defaults(_for_phases(tables, arrays["phases"]), scene)
+    none: dict[str, Any] = {**dict.fromkeys(ARRAYS, ()), "regions": {}, "vary": {}}
+    case = converted("", {**filled, **none}, CaseFile)
+    built = {
+        name: converted(
+            f"regions.{printable(name)}", _laws_nested(region, Region, scene), Region
+        )
+        for name, region in regions.items()
+    }
+    vary = varied(tables.get("vary", {}))
+    return msgspec.structs.replace(case, vary=vary, regions=built, **arrays)
 
-    return with_files(case, found)
+
+def _array(name: str, tables: Any) -> tuple[Any, ...]:
+    """Validated tables of an array of tables."""
+    if not isinstance(tables, list | tuple):
+        raise ValueError(
+            f"{name} must be an array of tables, [[{name}]], not {_quoted(tables)}"
+        )
+    built = _phase if name == "phases" else partial(converted, kind=ARRAYS[name])
+    return tuple(built(_named(name, i, x), x) for i, x in enumerate(tables, 1))
+
+
+def _found(folder: str | os.PathLike[str], path: str, name: str) -> str:
+    """File relative to a folder, or the file of a fabric of the catalogue."""
+    if path != "fabric.file" or Path(name).suffix:
+        return str(Path(folder) / name)
+    from ..fabric.catalogue import file_of  # needed for few cases
+
+    with errors_in(f"{path} ", CaseFileError):
+        return str(file_of(name))
 
 
 def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") -> Any:

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from ..io.file_numbers import word_of, write_table
 from ..mesh.progress import shown, unlogged
-from ..mesh.user_input import error_text, printable
+from ..mesh.user_input import error_text, errors_in, printable
 from ..scenes.samples import printed_numbers, run_unlogged
 from ..scenes.scene import Case
 from ..solve.quantities import IN_PLANE, IN_SPACE
@@ -236,12 +236,10 @@ def sweep_case(
         tables = case
     else:
         tables, folder = read_tables(Path(case)), Path(case).parent
-    try:
+    with errors_in("", CaseFileError):
         of_case = varied(tables.get("vary", {})) | varied(vary or {})
         found = variants({**tables, "vary": of_case}, folder)
         return run_variants(found, executor, out)
-    except ValueError as error:
-        raise CaseFileError(str(error)) from None
 
 
 def variants(
@@ -270,10 +268,8 @@ def variants(
     with shown(lambda: f"preparing case {len(found) + 1} of {len(combinations)}"):
         for combination in combinations:
             values = dict(zip(vary, combination, strict=True))
-            try:
+            with errors_in(f"{_label(values)}: "):
                 found.append(_variant(base, values, folder, logged=not found))
-            except ValueError as error:
-                raise ValueError(f"{_label(values)}: {error}") from None
     _refuse_other_parts(found)
     return found
 

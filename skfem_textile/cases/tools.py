@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 from msgspec import Meta
 
 from .. import declarations as declared
+from ..mesh.user_input import errors_in
 from .tables import (
     FILE,
     DeclaredTable,
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 Vector: TypeAlias = tuple[float, float, float]
 
 #: A number, or rows of load factor and number.
-Amount: TypeAlias = float | tuple[tuple[float, float], ...]
+NumberOrRows: TypeAlias = float | tuple[tuple[float, float], ...]
 
 _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -61,7 +62,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         ),
     ] = _ORIGIN
     motion_deg: Annotated[
-        Amount,
+        NumberOrRows,
         about(
             "final rotation about an axis, in proportion to the load factor, "
             "counterclockwise if the axis points to the viewer, before the "
@@ -90,23 +91,23 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         ),
     ] = None
     friction: Annotated[
-        Amount, about(f"coefficient of Coulomb friction with the ply; or {_ROWS}")
+        NumberOrRows, about(f"coefficient of Coulomb friction with the ply; or {_ROWS}")
     ] = 0.0
     elastic_slip_mm: Annotated[
         float, Meta(gt=0), about("slip up to which friction is elastic")
     ] = 0.02
     gap_mm: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(
             f"for a holder: largest distance of the ply from the surface; or {_ROWS}"
         ),
     ] = None
     pressure_N_per_mm2: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(f"for a holder: pressure towards the surface; or {_ROWS}"),
     ] = None
     force_N: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(
             "for a rigid holder: force on the computed part of the ply towards the "
             f"surface; or {_ROWS}"
@@ -141,10 +142,8 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         outline = None
         if self.outline_mm is not None:
             outline = np.array(self.outline_mm).reshape(-1, 2).T - axes.origin[:2, None]
-        try:
+        with errors_in(f"{what}: "):
             surface = self.surface_in(axes)
-        except ValueError as error:
-            raise ValueError(f"{what}: {error}") from None
         common: dict[str, Any] = {
             "surface": surface,
             "motion": self._motion(what, axes, turned),
@@ -185,10 +184,14 @@ class ToolTable(DeclaredTable, tag_field="surface"):
                 )
             return translation
         from ..contact.tool import AboutAxis
+        from ..ply.amount import Rows
 
         angle = _amount(f"{what}.motion_deg", in_radians(self.motion_deg))
+        moved, turned_by = (
+            x if callable(x) else Rows.reaching(x) for x in (translation, angle)
+        )
         point = self.motion_point_mm - axes.origin
-        return AboutAxis(translation, angle, self.motion_axis, point)
+        return AboutAxis(moved, turned_by, self.motion_axis, point)
 
     def _translation(self, what: str) -> Any:
         rows = self.motion_mm
@@ -207,12 +210,12 @@ class ToolTable(DeclaredTable, tag_field="surface"):
 def _amount(what: str, amount: Any) -> Any:
     if not isinstance(amount, tuple):
         return amount
-    from ..solve.programme import BetweenRows
+    from ..ply.amount import Rows
 
-    return BetweenRows(what, amount)
+    return Rows.of(what, amount)
 
 
-def in_radians(value: Amount) -> Amount:
+def in_radians(value: NumberOrRows) -> NumberOrRows:
     """An angle, or the angles in rows, in radians."""
     if isinstance(value, tuple):
         return tuple((at, radians(angle)) for at, angle in value)

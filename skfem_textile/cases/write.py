@@ -70,21 +70,22 @@ class _Key(NamedTuple):
 
 def tables_of(table: Struct) -> dict[str, Any]:
     """Tables of a declaration as in a case file, without keys that are not given."""
-    tables: dict[str, Any] = {}
-    for name, value, _ in _keys(table):
-        if isinstance(value, Struct):
-            tables[name] = tables_of(value)
-        elif name in ARRAYS and isinstance(value, tuple):
-            if value:
-                tables[name] = [tables_of(one) for one in value]
-        elif name == "vary":
-            if value:
-                tables[name] = value
-        elif name in ("tools", "regions"):
-            tables[name] = {of: tables_of(part) for of, part in value.items()}
-        elif value is not None:
-            tables[name] = value
-    return tables
+    given = ((name, value) for name, value, _ in _keys(table) if value is not None)
+    empty = *ARRAYS, "vary"
+    return {
+        name: _as_tables(value) for name, value in given if value or name not in empty
+    }
+
+
+def _as_tables(value: Any) -> Any:
+    """Value of a key; tables as dictionaries, also in arrays and by name."""
+    if isinstance(value, Struct):
+        return tables_of(value)
+    if isinstance(value, dict):
+        return {name: _as_tables(one) for name, one in value.items()}
+    if isinstance(value, tuple) and isinstance(next(iter(value), None), Struct):
+        return [*map(tables_of, value)]
+    return value
 
 
 def case_text(case: CaseFile, head: str) -> str:

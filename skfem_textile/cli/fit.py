@@ -18,7 +18,7 @@ from ..calibration.validation import Validation, refuse_others, validate
 from ..fabric import Fabric, Linear
 from ..fabric.files import write_law
 from ..mesh.progress import shown
-from ..mesh.user_input import printable
+from ..mesh.user_input import errors_in, printable
 from ..scenes.shear_test import BiasExtension
 from .fit_report import REPORT, Reported, pictures_of, write_fit_page
 from .interruption import held
@@ -145,10 +145,8 @@ def _simulation(options: Namespace, base: Fabric) -> Simulation:
     across = getattr(options, "simulate", None)
     if across is None:
         return Simulation(base.tension)
-    try:
+    with errors_in("--simulate: "):
         return Simulation(base.tension, across)
-    except ValueError as error:
-        raise ValueError(f"--simulate: {error}") from None
 
 
 def _tables(options: Namespace, result: FabricFit) -> list[str]:

@@ -3,12 +3,21 @@
 import argparse
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from ..cases.read import CaseFile, declared, varied, with_value
+from ..cases.read import (
+    CaseFile,
+    CaseFileError,
+    declared,
+    read_tables,
+    varied,
+    with_value,
+)
 from ..cases.scenes import SCENES, Scene
 from ..cases.tables import (
     FILE,
@@ -20,7 +29,7 @@ from ..cases.write import key_help, meaning, tables_of
 from ..declarations import words
 from ..declarations.scenes import AnyScene, Specimen, WithTools
 from ..declarations.words import Options, option
-from ..mesh.user_input import printable
+from ..mesh.user_input import errors_in, printable
 from .options import OUTPUTS, add
 from .output import say
 
@@ -192,12 +201,17 @@ def add_exports(parser: argparse.ArgumentParser, others: Options) -> None:
     parser.set_defaults(flags={**flags, "mesh.unit": "--outline-unit"})
 
 
-def as_typed(message: str, options: argparse.Namespace) -> str:
-    """Message with the options that were typed, or exist, in place of case keys."""
-    typed = *getattr(options, "set", ()), *getattr(options, "vary", ())
-    by_key = {path for path, _ in typed}
-    flags = {k: f for k, f in options.flags.items() if k not in by_key}
-    return _KEY.sub(lambda found: flags.get(found[0], found[0]), message)
+@contextmanager
+def typed(options: argparse.Namespace) -> Iterator[None]:
+    """Let errors have the options that were typed, or exist, in place of case keys."""
+    try:
+        yield
+    except ValueError as error:
+        given = *getattr(options, "set", ()), *getattr(options, "vary", ())
+        by_key = {path for path, _ in given}
+        flags = {k: f for k, f in options.flags.items() if k not in by_key}
+        text = _KEY.sub(lambda found: flags.get(found[0], found[0]), str(error))
+        raise ValueError(text) from None
 
 
 def _add_scene(
@@ -381,13 +395,30 @@ def tables_of_options(
                     f"`{options.command}`"
                 )
     for path, value in [*settings, *further]:
-        try:
+        with errors_in(f"--set {path}: "):
             case = with_value(case, path, value)
-        except ValueError as error:
-            raise ValueError(f"--set {path}: {error}") from None
     if further := getattr(options, "vary", ()):
         case["vary"] = varied(case.get("vary", {})) | varied(dict(further))
     return case
+
+
+def with_tables(
+    options: argparse.Namespace, act: Callable[[Mapping[str, Any], Path], int]
+) -> int:
+    """Exit code of an act on the tables of a command, and the folder of their files.
+
+    Raises
+    ------
+    ValueError
+        An error of the act, which names what was typed, or the case file.
+    """
+    path, tables = Path(options.scene), {"scene": {"name": options.scene}}
+    if not words.is_case_file(options.scene):
+        with typed(options):
+            return act(tables_of_options(tables, options), Path())
+    tables = read_tables(path)
+    with errors_in(f"{printable(path)}: ", CaseFileError):
+        return act(tables_of_options(tables, options), path.parent)
 
 
 def _joined(value: Any) -> Any:

@@ -2,12 +2,12 @@
 
 import argparse
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..cases.read import CaseFileError, read_tables
 from ..cases.sweep import (
     REACHED,
     SOLVES,
@@ -20,7 +20,6 @@ from ..cases.sweep import (
     variants,
 )
 from ..cases.write import CASE, WRITTEN_FILES, WrittenCase, refuse_foreign_case
-from ..declarations.words import is_case_file
 from ..mesh.progress import log_to_stderr, shown
 from ..mesh.user_input import printable
 from .interruption import INTERRUPTED, held
@@ -28,7 +27,7 @@ from .output import STOPPED_EARLY, complain, say
 from .page import rows, sources, write_page
 from .result_folder import ResultFolder
 from .run import versions
-from .run_options import as_typed, tables_of_options
+from .run_options import with_tables
 from .samples import executor_of, require_packages
 
 #: Files of a sweep: finished runs, with which an interrupted sweep continues, table,
@@ -51,15 +50,7 @@ def run(options: argparse.Namespace) -> int:
     OutputError
         If the results cannot be written.
     """
-    path = Path(options.scene) if is_case_file(options.scene) else None
-    tables = read_tables(path) if path else {"scene": {"name": options.scene}}
-    try:
-        given = tables_of_options(tables, options)
-        return _sweep(given, path.parent if path else Path(), options)
-    except ValueError as error:
-        if path:
-            raise CaseFileError(f"{printable(path)}: {error}") from None
-        raise ValueError(as_typed(str(error), options)) from None
+    return with_tables(options, partial(_sweep, options=options))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # results that are not finite are refused

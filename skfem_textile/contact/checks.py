@@ -114,10 +114,10 @@ def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> set[str]:
 
 
 def _load_factors(tools: Sequence[ToolTerm], intervals: int = _PUSHES) -> list[float]:
-    """Load factors between equal intervals, and at the ends of phases."""
-    motions = (getattr(tool._obstacle.motion, "load_factors", ()) for tool in tools)
-    every = (np.linspace(0, 1, intervals + 1), *motions)
-    return np.unique(np.concatenate(every)).tolist()
+    """Load factors between equal intervals, and at which amounts of tools bend."""
+    equal = np.linspace(0, 1, intervals + 1).tolist()
+    amounts = (amount for tool in tools for amount in tool.amounts)
+    return sorted({*equal, *(t for amount in amounts for t in amount.load_factors)})
 
 
 def _normal(tool: ToolContact, X: ndarray) -> ndarray:

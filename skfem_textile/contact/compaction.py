@@ -5,7 +5,6 @@ pressure p(H/w), by the law of a ply of the thickness H/w that has the areal wei
 the flat one.  H follows from the balance of the pressures with the force of the holder.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -18,6 +17,7 @@ from scipy.optimize import brentq
 from .. import declarations as declared
 from ..fabric.law import keep, number
 from ..mesh.user_input import real_numbers, shortened
+from ..ply.amount import Amount
 from ..solve.problem import EPSILON
 
 
@@ -172,7 +172,7 @@ class RigidHolder:
         Law of compaction.
     """
 
-    force: Callable[[float], float]
+    force: Amount
     law: CompactionLaw
 
     def pressed(self, t: float, areas: ndarray, weight: ndarray) -> Pressed:

@@ -77,7 +77,7 @@ def formed(result: Result) -> dict[str, Any]:
         **_areal_weight(ply, state.u),
         **_curvature(ply, state, tools),
         "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
-        **({} if most is None else result.place_of(most, "wrinkle_risk_at", stated)),
+        **result.place_of(most, "wrinkle_risk_at", stated),
         "max_turn_of_normal_deg": float(turn.max()),
         **(_untouched(result) if result.converged else {}),
         **_advice(result, tools, turn, at_risk),

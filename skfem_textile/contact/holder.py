@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -11,7 +10,6 @@ from skfem import CellBasis
 
 from ..fabric.kinematics import area_ratio, deformation_gradient
 from ..mesh.bases import displacement_gradient
-from ..mesh.user_input import call_user_function, real_numbers
 from ..ply import Ply
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..solve.on_surface import CheckedSurface
@@ -21,16 +19,9 @@ from .outline import ROUND_OFF, shares_inside
 if TYPE_CHECKING:
     from .compaction import RigidHolder
 
-# Number of load factors at which a gap or pressure is validated before a run: every
-# 2.5 % of it.
-_CHECKED = 41
-
 #: Thicknesses at which laws of compaction are validated and compared, relative to the
 #: one without pressure: plies are compacted to about half of it.
 COMPARED = np.linspace(0.4, 1.0, 13)
-
-#: A number, or a function of the load factor that returns one.
-Amount: TypeAlias = float | Callable[[float], float]
 
 
 class _Pressed(TermParameters):
@@ -243,50 +234,6 @@ class HolderPressure(ToolTerm):
         rotation, translation = obstacle.placement(t)
         x = self._points.positions(u)[:, nodes]
         return nodes, factors, rotation, rotation.T @ (x - translation[:, None])
-
-
-def function_of(
-    what: str, amount: Amount | None, least: float, unit: str, most: float = np.inf
-) -> Callable[[float], float]:
-    """Function of the load factor, validated at each of its values.
-
-    Before a run at equal intervals, and at the ends of phases.
-    """
-    at = partial(_amount_at, what, amount, (least, most), unit)
-    for t in validated_at(amount):
-        at(t)
-    return at
-
-
-def validated_at(amount: Amount | None) -> list[float]:
-    """Load factors at which an amount is validated before a run."""
-    equal = np.linspace(0.0, 1.0, _CHECKED).tolist()
-    return [*equal, *getattr(amount, "load_factors", ())]
-
-
-def _amount_at(
-    what: str,
-    amount: Amount | None,
-    between: tuple[float, float],
-    unit: str,
-    t: float,
-) -> float:
-    (least, most), value = between, amount
-    if callable(amount):
-        value = call_user_function(what, amount, t)
-    number = real_numbers(what, value)
-    boolean = isinstance(value, bool | np.bool_)
-    valid = np.isfinite(number) and least <= number <= most
-    if number.shape or boolean or not valid:
-        size = (
-            f"of at least {least:g}"
-            if most == np.inf
-            else f"from {least:g} to {most:g}"
-        )
-        raise ValueError(
-            f"{what} must be a number {size}{unit}, got {value!r} at load factor {t:g}"
-        )
-    return float(number)
 
 
 def contacts(ply: Ply) -> list[ToolContact]:

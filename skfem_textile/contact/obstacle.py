@@ -497,7 +497,7 @@ class ToolTerm(ElementTerm):
         It is at most π if the motion is a function that returns matrices: then from
         ‖R − R₀‖² = 8 sin²(θ/2), which is accurate for small angles too.
         """
-        if angle := getattr(self._obstacle.motion, "angle", None):
+        if angle := getattr(self._obstacle.motion, "rotation", None):
             return abs(float(angle(t) - angle(0.0)))
         (first, _), (now, _) = map(self._obstacle.placement, (0.0, t))
         sine = np.linalg.norm(now - first) / np.sqrt(8)

@@ -5,20 +5,21 @@ factors if later ones change.  What a phase does not state keeps its value.
 """
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from numbers import Real
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import real_numbers, shortened
-from ..solve.continuation import ends_of_parts
-from ..solve.programme import interpolated, refuse_turns
+from ..ply.amount import Limits, Part, Rows, ends_of_parts, refuse_places
+from ..solve.continuation import LoadSteps, refuse_steps
 from ..solve.result import Result
-from .tool import MOST_FRICTION, AboutAxis, Holder, Tool
+from .tool import LIMITS, AboutAxis, Holder, Tool
 
 
 @dataclass(frozen=True)
@@ -71,89 +72,17 @@ class Phase:
     loads: InPhase | None = None
 
 
-class _Quantity(NamedTuple):
-    """Number of components, unit and limits of what phases state.
-
-    ``jumps`` if it may jump between phases, ``moves`` if it is part of a motion, whose
-    travel other quantities may follow.
-    """
-
-    components: int = 1
-    unit: str = ""
-    least: float = -np.inf
-    most: float = np.inf
-    jumps: bool = False
-    moves: bool = False
-
-
-_QUANTITIES = {
-    "motion": _Quantity(3, " mm", moves=True),
-    "rotation": _Quantity(1, " rad", moves=True),
-    "gap": _Quantity(1, " mm", 0.0),
-    "pressure": _Quantity(1, " N/mm2", 0.0),
-    "force": _Quantity(1, " N", 0.0),
-    "friction": _Quantity(1, "", 0.0, MOST_FRICTION, jumps=True),
-    "loads": _Quantity(),
-}
-_OF_TOOLS, _OF_HOLDERS = (
-    ("motion", "rotation", "friction"),
-    ("gap", "pressure", "force"),
-)
+# Amounts of holders, of which each has one.
+_OF_HOLDERS = "gap", "pressure", "force"
 
 # Types of rows, and of a vector.
 _ROWS = list, tuple, ndarray
 
+# Of loads.
+_ANY = Limits()
+
 # Relative difference of two values that is round-off.
 _SAME = 1e-9
-
-
-class InPhases:
-    """Amount as a function of the load factor, by rows in each phase.
-
-    Parameters
-    ----------
-    steps
-        Numbers of steps of the phases.
-    """
-
-    def __init__(self, steps: tuple[int, ...]) -> None:
-        self._steps, self._ends = steps, ends_of_parts(len(steps))
-        self._pieces: list[tuple[ndarray, Callable[[float], float] | None]] = []
-
-    def append(self, rows: ndarray, along: Callable[[float], float] | None) -> None:
-        """Add the rows of the next phase: its share, or what is ``along``, and values.
-
-        ``along`` is a function of the load factor.
-        """
-        self._pieces.append((rows, along))
-
-    def __call__(self, t: float) -> Any:
-        """Value at a load factor."""
-        return self.value(max(bisect_left(self._ends, t) - 1, 0), t)
-
-    def value(self, phase: int, t: float) -> Any:
-        """Value at a load factor in a phase, which may differ where two phases meet."""
-        rows, along = self._pieces[phase]
-        first, last = self._ends[phase : phase + 2]
-        x = along(t) if along else (t - first) / (last - first)
-        return interpolated(rows, x)
-
-    @property
-    def load_factors(self) -> list[float]:
-        """Load factors at the ends of the phases, and of rows within them."""
-        found = {*self._ends}
-        for (rows, along), first in zip(self._pieces, self._ends, strict=False):
-            if along is None:
-                found |= {first + share / len(self._steps) for share in rows[1:-1, 0]}
-        return sorted(found)
-
-    def check_steps(self, load_factors: Sequence[float]) -> None:
-        """Refuse steps, given by the load factors at their ends, that pass an end."""
-        if not {*self._ends[1:]} <= {*load_factors}:
-            raise ValueError(
-                f"a step must end where a phase ends: use the steps of the process, "
-                f"{self._steps}"
-            )
 
 
 class Process:
@@ -250,6 +179,11 @@ class Process:
         """Name of the phase that contains a load factor or ends there."""
         return self.names[max(bisect_left(self._ends, t) - 1, 0)]
 
+    def time(self, t: float, later: float) -> str:
+        """Load factor in words: its phase, or the end of it if ``later`` is beyond."""
+        name, after = self.phase_at(t), self.phase_at(later)
+        return f"{'the end of ' if after != name else ''}phase {name!r},"
+
     def at_ends(self, result: Result) -> list[int]:
         """Indices of the states at the ends of phases, and of the last state."""
         factors = [state.load_factor for state in result.states]
@@ -274,7 +208,8 @@ class Process:
         if rotation is None:
             return replace(tool, motion=motion)
         axis = _axis(tool.name, axis or ((0.0, 0.0, 1.0), np.zeros(3)))
-        return replace(tool, motion=AboutAxis(motion or np.zeros(3), rotation, *axis))
+        motion = motion or Rows.reaching(np.zeros(3))
+        return replace(tool, motion=AboutAxis(motion, rotation, *axis))
 
     def _changing(self, tool: Any) -> Any:
         """A tool with the friction, and gap, pressure or force, of the phases."""
@@ -305,38 +240,45 @@ class Process:
 
     def _amount(
         self, name: str, tool: str | None, start: Any, stated: Sequence[InPhase | None]
-    ) -> InPhases | None:
+    ) -> Rows | None:
         """Amount by its values in each phase; None if no phase states it.
 
-        ``name`` is the one of the quantity, ``tool`` None for loads, and ``start`` the
-        value before the first phase.
+        ``tool`` is None for loads, and ``start`` the value before the first phase.
         """
         if all(value is None for value in stated):
             return None
-        quantity, amount = _QUANTITIES[name], InPhases(self.steps)
-        before, left = np.ravel(start), "before it is"
-        of = name if tool is None else f"{name} of {tool!r}"
-        for k, (phase, value) in enumerate(zip(self.phases, stated, strict=True)):
+        before, left, limits = np.ravel(start), "before it is", LIMITS.get(name, _ANY)
+        of, parts = name if tool is None else f"{name} of {tool!r}", list[Part]()
+        bounds = pairwise(self._ends)
+        for phase, between, value in zip(self.phases, bounds, stated, strict=True):
             what = f"phase {phase.name!r}: {of}"
             given = before if value is None else value
-            amount.append(*self._rows(what, given, before, quantity, k))
-            begins = np.ravel(amount.value(k, self._ends[k]))
-            if not (quantity.jumps or np.allclose(begins, before, _SAME, _SAME)):
+            part = self._part(name, what, given, before, between)
+            begins, ends = (np.ravel(part(t)) for t in between)
+            jumps = name == "friction"
+            if not (jumps or np.allclose(begins, before, _SAME, _SAME)):
                 raise ValueError(
-                    f"{what} begins with {_text(begins, quantity)}, but {left} "
-                    f"{_text(before, quantity)}"
+                    f"{what} begins with {_text(begins, limits)}, but {left} "
+                    f"{_text(before, limits)}"
                 )
-            before = np.ravel(amount.value(k, self._ends[k + 1]))
-            left = f"phase {phase.name!r} leaves it at"
+            before, left = ends, f"phase {phase.name!r} leaves it at"
+            parts.append(part)
+        amount = Rows(tuple(parts))
+        amount.check_steps(LoadSteps(self.steps).ends()[1:])
         return amount
 
-    def _rows(
-        self, what: str, value: Any, before: ndarray, of: _Quantity, phase: int
-    ) -> tuple[ndarray, Callable[[float], float] | None]:
-        """Rows of one phase and what they are along, see `InPhases.append`."""
-        shares = np.linspace(0.0, 1.0, self.steps[phase] + 1)
+    def _part(
+        self,
+        name: str,
+        what: str,
+        value: Any,
+        before: ndarray,
+        between: tuple[float, float],
+    ) -> Part:
+        """Rows of an amount in one phase."""
+        limits = LIMITS.get(name, _ANY)
         if isinstance(value, OverTravel):
-            if of.moves:
+            if name in ("motion", "rotation"):
                 raise ValueError(
                     f"{what} does not follow the travel of a tool: state its value at "
                     "the end of the phase, or rows of the share of the phase"
@@ -346,27 +288,25 @@ class Process:
                     f"{what}: there is no tool {shortened(value.tool)} whose travel is "
                     f"known: choose from {', '.join(self._travels)}"
                 )
-            rows = _array(what, value.rows, of)
-            if (np.diff(rows[:, 0]) <= 0).any() or rows[0, 0] < 0:
-                raise ValueError(
-                    f"{what}: the travels of the rows must increase from 0 mm, got "
-                    f"{_text(rows[:, 0])}"
-                )
-            along, (first, last) = self._travels[value.tool], self._ends[phase:][:2]
-            travels = [along(t) for t in first + (last - first) * shares]
-            refuse_turns(what, "travel {:g} mm", rows, np.array(travels))
-            return rows, along
+            rows = _array(what, value.rows, limits)
+            at = rows[:, 0]
+            refuse_places(f"{what}: the travels", at, "from 0 mm", bool(at[0] >= 0))
+            along = self._travels[value.tool]
+            return Part(what, between, rows, along, "travel {:g} mm")
         value = value.tolist() if isinstance(value, ndarray) else value  # or a number
         if isinstance(value, _ROWS) and len(value) and isinstance(value[0], _ROWS):
-            rows = _of_shares(what, _array(what, value, of), before)
-            refuse_turns(what, "share {:g}", rows, shares)
-            return rows, None
+            rows = _array(what, value, limits)
+            at = rows[:, 0]
+            valid = bool(at[0] >= 0 and at[-1] == 1)
+            refuse_places(f"{what}: the shares", at, "to 1", valid)
+            start = [[0.0, *before]] if at[0] > 0 else np.empty((0, rows.shape[1]))
+            return Part(what, between, np.vstack([start, rows]))
         given = np.ravel(np.asarray(value, dtype=object)).tolist()
-        if len(given) != of.components:
-            raise _wrong(what, value, of)
-        end = _array(what, [[0.0, *given]], of)[0, 1:]
-        begin = end if of.jumps else before
-        return np.array([[0.0, *begin], [1.0, *end]]), None
+        if len(given) != limits.components:
+            raise _wrong(what, value, limits)
+        end = _array(what, [[0.0, *given]], limits)[0, 1:]
+        begin = end if name == "friction" else before
+        return Part(what, between, np.array([[0.0, *begin], [1.0, *end]]))
 
 
 def _listed(what: str, given: Any) -> tuple[Any, ...]:
@@ -390,13 +330,8 @@ def _refuse_phases(phases: Sequence[Phase], tools: Sequence[str]) -> None:
             )
         if names.count(phase.name) > 1:
             raise ValueError(f"two phases have the name {phase.name!r}: rename one")
-        steps, what = phase.steps, f"phase {phase.name!r}"
-        whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
-        if not (whole and steps >= 1):
-            raise ValueError(
-                f"{what}: steps must be a whole number of at least 1, got "
-                f"{shortened(steps)}"
-            )
+        what = f"phase {phase.name!r}"
+        refuse_steps(f"{what}: steps", phase.steps)
         _refuse_unknown(what, phase.tools, tools)
 
 
@@ -407,7 +342,7 @@ def _refuse_unknown(what: str, stated: Any, tools: Sequence[str]) -> None:
             f"{what}: tools must be a dictionary by names of tools, got "
             f"{shortened(stated)}"
         )
-    known = *_OF_TOOLS, *_OF_HOLDERS
+    known = LIMITS.keys()
     for tool, changes in stated.items():
         _refuse_unknown_tool(what, tool, tools)
         if not isinstance(changes, Mapping):
@@ -451,7 +386,7 @@ def _axis(name: str, axis: Any) -> tuple[ndarray, ndarray]:
     return direction, point
 
 
-def _wrong(what: str, value: Any, of: _Quantity) -> ValueError:
+def _wrong(what: str, value: Any, of: Limits) -> ValueError:
     """Error of a value that has another shape."""
     numbers = "a number" if of.components == 1 else f"{of.components} numbers"
     return ValueError(
@@ -460,7 +395,7 @@ def _wrong(what: str, value: Any, of: _Quantity) -> ValueError:
     )
 
 
-def _array(what: str, rows: Any, of: _Quantity) -> ndarray:
+def _array(what: str, rows: Any, of: Limits) -> ndarray:
     """Validated rows, shape (n, 1 + components)."""
     try:
         entries = [
@@ -476,37 +411,15 @@ def _array(what: str, rows: Any, of: _Quantity) -> ndarray:
     array = np.array(entries, dtype=float)
     if not np.isfinite(array).all():
         raise ValueError(f"{what} must be finite, got {shortened(rows)}")
-    if (
-        wrong := array[:, 1:][(array[:, 1:] < of.least) | (array[:, 1:] > of.most)]
-    ).size:
-        size = (
-            f"at least {of.least:g}"
-            if of.most == np.inf
-            else f"from {of.least:g} to {of.most:g}"
-        )
-        raise ValueError(f"{what} must be {size}{of.unit}, got {wrong[0]:g}{of.unit}")
+    values = array[:, 1:]
+    if (wrong := values[(values < of.least) | (values > of.most)]).size:
+        raise ValueError(f"{what} must be {of.kind}, got {wrong[0]:g}{of.unit}")
     return array
 
 
-def _of_shares(what: str, rows: ndarray, before: ndarray) -> ndarray:
-    """Rows of shares from 0 to 1."""
-    shares = rows[:, 0]
-    if (np.diff(shares) <= 0).any() or shares[0] < 0 or shares[-1] != 1:
-        raise ValueError(
-            f"{what}: the shares of the rows must increase to 1, got {_text(shares)}"
-        )
-    if shares[0] > 0:
-        return np.vstack([[0.0, *before], rows])
-    return rows
-
-
-def _text(values: ndarray, of: _Quantity | None = None) -> str:
+def _text(values: ndarray, of: Limits) -> str:
     text = ", ".join(f"{x:g}" for x in values)
-    return (
-        f"({text}){of.unit}"
-        if of and values.size > 1
-        else f"{text}{of.unit if of else ''}"
-    )
+    return f"({text}){of.unit}" if values.size > 1 else f"{text}{of.unit}"
 
 
 def _travel(t: float, motion: Any) -> float:

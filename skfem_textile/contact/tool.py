@@ -14,14 +14,32 @@ from skfem import CellBasis
 
 from ..fabric.law import number
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
+from ..ply.amount import Amount, AmountLike, Limits, Rows
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
-from .holder import COMPARED, Amount, HolderPressure, function_of, validated_at
+from .holder import COMPARED, HolderPressure
 from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
 if TYPE_CHECKING:
     from .compaction import CompactionLaw, RigidHolder
+
+#: Largest coefficient of friction.  A coefficient in percent is larger.
+MOST_FRICTION = 2.0
+
+#: Limits of the amounts of tools, by name.
+LIMITS = {
+    "motion": Limits(unit=" mm", components=3),
+    "rotation": Limits(unit=" rad"),
+    "friction": Limits(0.0, MOST_FRICTION),
+    "gap": Limits(0.0, unit=" mm"),
+    "pressure": Limits(0.0, unit=" N/mm2"),
+    "force": Limits(0.0, unit=" N"),
+}
+
+# Number of load factors at which a gap or pressure is validated before a run: every
+# 2.5 % of it.
+_CHECKED = 41
 
 
 class FormingContact(ToolContact):
@@ -96,7 +114,7 @@ class Tool:
     side: int | None = None
     thickness: float = 0.0
     outline: ArrayLike | None = None
-    friction: Amount = 0.0
+    friction: AmountLike = 0.0
     elastic_slip: float = 0.02
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
@@ -157,15 +175,15 @@ class Holder:
     """
 
     surface: Surface
-    gap: Amount | None = None
-    pressure: Amount | None = None
-    force: Amount | None = None
+    gap: AmountLike | None = None
+    pressure: AmountLike | None = None
+    force: AmountLike | None = None
     compaction: "CompactionLaw | None" = None
     motion: Motion | None = None
     side: int | None = None
     thickness: float = 0.0
     outline: ArrayLike | None = None
-    friction: Amount = 0.0
+    friction: AmountLike = 0.0
     elastic_slip: float = 0.02
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
@@ -202,11 +220,11 @@ class Holder:
             obstacle = Obstacle.of(self, basis, no_reach)
             pressure = self._pressure(what)
             term = HolderPressure(self.name, pressure, obstacle, basis)
-            if self.force is not None:
-                most = max(validated_at(self.force), key=term.rigid.force)
+            if term.rigid:
+                most = max(validated_at(term.rigid.force), key=term.rigid.force)
                 term.reaches(basis.zeros(), most)  # with a law that carries the force
         else:
-            reach = function_of(f"{what}: gap", self.gap, self.thickness, " mm")
+            reach = amount_of(self, "gap", what)
             term = FormingContact(self.name, Obstacle.of(self, basis, reach), basis)
         if not any(term.reaches(basis.zeros(), t) for t in (0.0, 1.0)):
             raise ValueError(
@@ -218,7 +236,7 @@ class Holder:
     def _pressure(self, what: str) -> "Callable[[float], float] | RigidHolder":
         """Pressure as a function of the load factor, or the holder with a force."""
         if self.force is None:
-            return function_of(f"{what}: pressure", self.pressure, 0.0, " N/mm2")
+            return amount_of(self, "pressure", what)
         from .compaction import CompactionLaw, RigidHolder
 
         if not isinstance(self.compaction, CompactionLaw):
@@ -227,8 +245,7 @@ class Holder:
                 f"Compaction(0.3, 1e-3, 8.0), got {shortened(self.compaction)}"
             )
         _check_compaction(f"{what}: law of compaction", self.compaction)
-        force = function_of(f"{what}: force", self.force, 0.0, " N")
-        return RigidHolder(force, self.compaction)
+        return RigidHolder(amount_of(self, "force", what), self.compaction)
 
 
 def _check_compaction(what: str, law: "CompactionLaw") -> None:
@@ -250,9 +267,6 @@ def _check_compaction(what: str, law: "CompactionLaw") -> None:
 
 _Term = TypeVar("_Term", bound=ToolTerm)
 
-#: Largest coefficient of friction.  A coefficient in percent is larger.
-MOST_FRICTION = 2.0
-
 
 @dataclass(frozen=True)
 class AboutAxis:
@@ -261,43 +275,34 @@ class AboutAxis:
     Parameters
     ----------
     translation
-        Translation in mm, reached in proportion to the load factor, or a function.
+        Translation in mm.
     rotation
-        Angle in radians in the same way, counterclockwise if the axis points to the
-        viewer.
+        Angle in radians, counterclockwise if the axis points to the viewer.
     axis
         Direction of the axis, of any length.
     point
         Point on it in mm, shape (3,).
     """
 
-    translation: Any
-    rotation: Amount
+    translation: Rows
+    rotation: Rows
     axis: Sequence[float]
     point: ndarray
 
-    def angle(self, t: float) -> float:
-        """Angle in radians at a load factor."""
-        return self.rotation(t) if callable(self.rotation) else t * self.rotation
-
     def __call__(self, t: float) -> tuple[ndarray, ndarray]:
         """Rotation matrix about the origin, and translation, at a load factor."""
-        moved = self.translation
-        moved = moved(t) if callable(moved) else t * np.array(moved)
-        turn = rotation_matrix(self.axis, self.angle(t))
-        return turn, self.point - turn @ self.point + moved
+        turn = rotation_matrix(self.axis, self.rotation(t))
+        return turn, self.point - turn @ self.point + self.translation(t)
 
     @property
     def load_factors(self) -> list[float]:
-        """See `InPhases.load_factors`."""
-        both = self.translation, self.rotation
-        return sorted({t for one in both for t in getattr(one, "load_factors", ())})
+        """See `Rows.load_factors`."""
+        return sorted({*self.translation.load_factors, *self.rotation.load_factors})
 
     def check_steps(self, load_factors: Sequence[float]) -> None:
-        """Refuse steps for which the translation or rotation is not valid."""
-        for one in (self.translation, self.rotation):
-            if check := getattr(one, "check_steps", None):
-                check(load_factors)
+        """See `Rows.check_steps`."""
+        self.translation.check_steps(load_factors)
+        self.rotation.check_steps(load_factors)
 
 
 def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
@@ -309,13 +314,38 @@ def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
     return np.asarray(Rotation.from_rotvec(angle * unit).as_matrix())
 
 
+def amount_of(tool: Any, name: str, what: str) -> Amount:
+    """Amount of a tool or holder, validated at load factors before a run.
+
+    Parameters
+    ----------
+    tool
+        The tool.
+    name
+        Name of the amount, one of `LIMITS`.
+    what
+        The tool in messages.
+    """
+    limits = LIMITS[name]
+    if name == "gap":
+        limits = limits._replace(least=tool.thickness)
+    amount = Amount(f"{what}: {name}", getattr(tool, name), limits)
+    for t in validated_at(amount):
+        amount(t)
+    return amount
+
+
+def validated_at(amount: Amount) -> list[float]:
+    """Load factors at which an amount is validated before a run."""
+    return [*np.linspace(0.0, 1.0, _CHECKED).tolist(), *amount.load_factors]
+
+
 def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:
     """The term of a tool, with its friction if there is any."""
-    amounts = "motion", "friction", "gap", "pressure", "force"
-    term.amounts = tuple(getattr(tool, name, None) for name in amounts)
-    what = f"{what}: friction"
-    coefficient = function_of(what, tool.friction, 0.0, "", MOST_FRICTION)
-    slip = number(f"{what}: elastic_slip", tool.elastic_slip, above=0)
+    coefficient = amount_of(tool, "friction", what)
+    slip = number(f"{what}: friction: elastic_slip", tool.elastic_slip, above=0)
     if callable(tool.friction) or tool.friction:
         term.with_friction(coefficient, slip)
+    stated = ((name, getattr(tool, name, None)) for name in LIMITS)
+    term.amounts = tuple(Amount(f"{what}: {k}", x) for k, x in stated if x is not None)
     return term

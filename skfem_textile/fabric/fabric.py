@@ -10,7 +10,13 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
+from ..mesh.user_input import (
+    call_user_function,
+    errors_in,
+    keep_copies,
+    real_numbers,
+    shortened,
+)
 from .law import (
     BiaxialLaw,
     Law,
@@ -367,10 +373,8 @@ def _law(name: str, law: Stiffness) -> Law:
             )
         return law  # type: ignore[return-value]
     stiffness = real_numbers(name, law)
-    try:
+    with errors_in(f"{name} "):
         return Linear(stiffness if by_element else float(stiffness))
-    except ValueError as error:
-        raise ValueError(f"{name} {error}") from None
 
 
 def is_law(bending: Any) -> bool:

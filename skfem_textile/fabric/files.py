@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.user_input import excerpt, printable
+from ..mesh.user_input import errors_in, excerpt, printable
 from .directions import AlongCurve
 from .fabric import Fabric
 from .law import BiaxialLaw, Law, Linear, TwoLaws
@@ -105,10 +105,8 @@ def read_law(path: str | os.PathLike[str]) -> Any:
     OSError
         If it cannot be read.
     """
-    try:
+    with errors_in(f"{printable(path)}: "):
         return law_of_json(_content(Path(path).read_bytes()))
-    except ValueError as error:
-        raise ValueError(f"{printable(path)}: {error}") from None
 
 
 def fabric_text(fabric: Fabric, origin: Origin | None = None) -> str:

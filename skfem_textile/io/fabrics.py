@@ -23,7 +23,7 @@ from ..fabric.files import fabric_of_text, fabric_text
 from ..fabric.law import domain_of
 from ..fabric.origin import Origin
 from ..mesh.checks import MeshError
-from ..mesh.user_input import excerpt, printable
+from ..mesh.user_input import errors_in, excerpt, printable
 from . import radioss
 from .abaqus import Block, blocks, content_of, without_trailing_comma
 from .directions import directions_of_deck
@@ -119,10 +119,8 @@ def read_fabric(
     >>> read_fabric("cao2008-plain-weave").origin.sources["shear"][:40]
     'polynomial of degree 5, fitted to the fo'
     """
-    try:
+    with errors_in("", MeshError):
         path = file_of(path)
-    except ValueError as error:
-        raise MeshError(str(error)) from None
     with errors_about(path):
         result = _read(path, thickness, units, material)
     for sentence in result.ignored:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.user_input import excerpt, printable
+from ..mesh.user_input import errors_in, excerpt, printable
 
 _T = TypeVar("_T")
 
@@ -26,15 +26,11 @@ def by_suffix(path: Path, choices: Mapping[str, _T], what: str) -> _T:
 @contextlib.contextmanager
 def errors_about(what: object) -> Iterator[None]:
     """Convert exceptions to a `MeshError` that begins with their context."""
-    try:
-        yield
-    except OSError as error:
-        message = printable(error.strerror or error)
-    except ValueError as error:
-        message = str(error)
-    else:
-        return
-    raise MeshError(f"{printable(what)}: {message}") from None
+    with errors_in(f"{printable(what)}: ", MeshError):
+        try:
+            yield
+        except OSError as error:
+            raise ValueError(error.strerror or error) from None
 
 
 def word_of(x: float | None) -> str:

@@ -1,6 +1,7 @@
 """Functions, numbers and text of users, with one-line errors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from copyreg import __newobj__  # type: ignore[attr-defined]
 from typing import TYPE_CHECKING, Any
 
@@ -42,10 +43,26 @@ def call_user_function(what: str, function: Callable, *arguments: Any) -> Any:
         raise ValueError(f"{what} raised {error_text(error)}") from error
 
 
+@contextmanager
+def errors_in(place: str, kind: type[ValueError] = ValueError) -> Iterator[None]:
+    """Let errors in a block begin with their place; they become a kind of error."""
+    try:
+        yield
+    except ValueError as error:
+        raise kind(f"{place}{printable(error)}") from None
+
+
 def error_text(error: Exception) -> str:
     """Type and first line of the message of an exception."""
     line = str(error).strip().partition("\n")[0]
     return f"{type(error).__name__}: {line}" if line else type(error).__name__
+
+
+def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
+    """Refuse a name that is not a known one; it may have any type."""
+    names = [*known]
+    if name not in names:
+        raise ValueError(f"unknown {what} {name!r}: choose one of {', '.join(names)}")
 
 
 def real_numbers(what: str, value: Any) -> "ndarray":

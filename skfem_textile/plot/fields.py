@@ -11,7 +11,7 @@ from skfem import AbstractBasis
 from ..fabric import Fabric
 from ..forms.fields import FabricOnBasis, on_basis
 from ..io.results import cell_fields, has_tools, joined, point_fields
-from ..mesh.user_input import with_article
+from ..mesh.user_input import refuse_unknown, with_article
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
@@ -168,8 +168,7 @@ def field_of(field: str | Field) -> Field:
     """Look up a field by name; a `Field` is returned unchanged."""
     if isinstance(field, Field):
         return field
-    if field not in FIELDS:
-        raise ValueError(f"unknown field {field!r}: choose one of {', '.join(FIELDS)}")
+    refuse_unknown("field", field, FIELDS)
     return FIELDS[field]
 
 

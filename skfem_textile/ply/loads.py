@@ -25,14 +25,8 @@ from ..forms.form import builds_forms
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import Where, selected_nodes, turned_where
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers
-from .terms import (
-    Factor,
-    FormTerm,
-    VectorTerm,
-    factor_at,
-    named_edges,
-    proportional,
-)
+from .amount import Amount, AmountLike, proportional
+from .terms import FormTerm, VectorTerm, named_edges
 
 #: A vector, or a function of reference position (2, ...) -> (d, ...).
 Vector: TypeAlias = ArrayLike | Callable[[ndarray], ndarray]
@@ -83,7 +77,7 @@ class Traction(_Spread):
 
     boundary: str
     value: Vector
-    factor: Factor = proportional
+    factor: AmountLike = proportional
     name: str = ""
 
     def on(self, basis: CellBasis) -> VectorTerm:
@@ -116,7 +110,7 @@ class Force:
 
     where: Where
     total: ArrayLike
-    factor: Factor = proportional
+    factor: AmountLike = proportional
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -164,7 +158,7 @@ class BodyForce(_Spread):
     """
 
     value: Vector
-    factor: Factor = proportional
+    factor: AmountLike = proportional
     name: str = "body force"
 
     def on(self, basis: CellBasis) -> VectorTerm:
@@ -253,7 +247,7 @@ class Pressure:
     """
 
     value: float
-    factor: Factor = proportional
+    factor: AmountLike = proportional
     name: str = "pressure"
 
     def __post_init__(self) -> None:
@@ -286,13 +280,17 @@ class Pressure:
         points = CellBasis(
             *(basis.mesh, basis.elem, basis.mapping), dofs=basis.dofs, **rule
         )
-        forms = _forms(self.name, float(value), self.factor)
-        return PressureTerm(self.name, forms, points, role="load")
+        factor = Amount(f"load {self.name!r}: its factor", self.factor)
+        forms = _forms(float(value), factor)
+        amounts = (factor,)
+        return PressureTerm(self.name, forms, points, role="load", amounts=amounts)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PressureTerm(FormTerm):
     """Term of `Pressure`."""
+
+    amounts: tuple[Amount, ...] = ()
 
     def unsupported(self, supports: Any) -> str:
         """Reason why there is no potential under the conditions; empty if there is one.
@@ -350,11 +348,11 @@ def _prescribed(supports: Any, size: int) -> ndarray:
 
 
 @builds_forms()
-def _forms(name: str, value: float, factor: Factor) -> Forms:
+def _forms(value: float, factor: Amount) -> Forms:
     """−p V and its derivatives, V = ∫ z (∂x/∂X × ∂x/∂Y)_z."""
 
     def pressure(w: Any) -> float:
-        return value * factor_at(f"load {name!r}", factor, w["t"])
+        return value * factor(w["t"])
 
     def x_and_y(w: Any) -> ndarray:
         return grad(w["u"])[:2] + np.eye(2)[:, :, None, None]

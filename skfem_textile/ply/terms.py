@@ -4,7 +4,7 @@ A term returns its tangent as a sparse matrix (`Term`) or as element matrices
 (`ElementTerm`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias
@@ -15,11 +15,13 @@ from scipy.sparse import csr_matrix
 from skfem import AbstractBasis, CellBasis, Mesh, asm
 
 from ..fabric import Fabric
+from ..fabric.law import keep
 from ..forms import Forms
 from ..forms.kernels.kernel import Kernel, can_compute, node_pair_blocks
 from ..mesh.bases import components, element_numbers
 from ..mesh.pattern import refuse_unsymmetric
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
+from ..mesh.user_input import keep_copies
+from .amount import Amount, AmountLike, proportional
 from .parameters import NO_VALUES, TermParameters, Values
 
 #: Role of a term: ``internal`` and ``stabilisation`` terms make up the internal energy,
@@ -63,10 +65,13 @@ class Term(Protocol):
     release
         Resultant in N at which a clamp lets go, infinite if it never does; None for
         other terms.
+    amounts
+        Amounts that the steps of a run must not miss, such as factors of loads.
     """
 
     name: str
     role: Role
+    amounts: Sequence[Amount] = ()
     parameters: TermParameters | None = None
     line_search: bool = False
     balances: bool = False
@@ -371,15 +376,6 @@ class MatrixTerm(Term):
         return "" if fits else f"its matrix must be {N} × {N}"
 
 
-#: A function of the load factor, or a number.
-Factor: TypeAlias = Callable[[float], float] | float
-
-
-def proportional(t: float) -> float:
-    """The load factor itself."""
-    return t
-
-
 @dataclass(frozen=True, eq=False)
 class VectorTerm(Term):
     """Constant nodal forces, scaled by a function of the load factor.
@@ -398,20 +394,21 @@ class VectorTerm(Term):
 
     name: str
     vector: ndarray
-    factor: Factor = proportional
+    factor: AmountLike = proportional
     role: Role = "load"
 
     def __post_init__(self) -> None:
+        factor = Amount(f"term {self.name!r}: its factor", self.factor)
+        keep(self, amounts=(factor,))
         keep_copies(self, "vector")
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Potential −g(t) F·u."""
-        factor = factor_at(f"term {self.name!r}", self.factor, t)
-        return -factor * float(self.vector @ u)
+        return -self.amounts[0](t) * float(self.vector @ u)
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """−g(t) F."""
-        return -factor_at(f"term {self.name!r}", self.factor, t) * self.vector
+        return -self.amounts[0](t) * self.vector
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> None:
         """None: the force does not depend on the displacement."""
@@ -421,20 +418,6 @@ class VectorTerm(Term):
         N = basis.N
         fits = np.shape(self.vector) == (N,) and bool(np.isfinite(self.vector).all())
         return "" if fits else f"its vector must be {N} finite numbers"
-
-
-def factor_at(owner: str, factor: Factor, t: float) -> float:
-    """Factor at the load factor t, which must be a finite number."""
-    subject, answer = f"{owner}: its factor", factor
-    if callable(factor):
-        answer = call_user_function(subject, factor, t)
-    value = real_numbers(subject, answer)
-    if value.shape or not np.isfinite(value):
-        raise ValueError(
-            f"{subject} must be a finite number, got {shortened(answer)} at load "
-            f"factor {t:g}"
-        )
-    return float(value)
 
 
 def named_edges(what: str, mesh: Mesh, name: str) -> ndarray:

@@ -22,6 +22,7 @@ from ..declarations import scenes as declared
 from ..fabric import Fabric, Law
 from ..fabric.law import mean_slope
 from ..mesh.checks import MeshError
+from ..mesh.user_input import refuse_unknown
 from ..solve.conditions import Condition
 from .rectangle import given_or_rectangle, misfit, require_edges
 from .scene import Scene, with_parameters
@@ -64,8 +65,7 @@ def bias_extension(given: declared.BiasExtension) -> Scene:
         loading direction, γ is not between 0 and π − 2θ, or the part is unknown.
     """
     part, shear_angle = given.part, given.shear_angle
-    if part not in PARTS:
-        raise ValueError(f"unknown part {part!r}: choose one of {', '.join(PARTS)}")
+    refuse_unknown("part", part, PARTS)
     theta = _inclination(given.warp, given.weft)
     if not 0 < shear_angle < np.pi - 2 * theta:
         raise ValueError(

@@ -56,7 +56,7 @@ from ..surfaces.surface import (
 )
 from .edge_tension import AROUND, CELLS, EdgeTension, edge_net
 from .rectangle import flat_ply, half_way, in_planes, misfit
-from .scene import Scene, at_centres, unknown
+from .scene import Scene, unknown
 
 log = logging.getLogger(__name__)
 
@@ -242,7 +242,7 @@ def shear_errors(
     result: Result, exact: Callable[[ndarray, float], ndarray]
 ) -> dict[str, float]:
     """Deviation of shear angles at the centres of elements from exact ones."""
-    X, angle, area = at_centres(result)
+    X, angle, area = result.at_centres()
     expected = exact(X, result.states[-1].load_factor)
     off = np.degrees(angle - expected)
     return {

@@ -10,6 +10,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 from ..declarations.scenes import OnRectangle, OnTool, PlyOptions
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..mesh.selection import named_nodes
+from ..mesh.user_input import refuse_unknown
 from ..solve.conditions import Condition
 
 KINDS = "aligned", "irregular", "horizontal", "vertical", "delaunay"
@@ -61,11 +62,9 @@ def rectangle(
     150
     """
     nx, ny = size
-    if kind not in KINDS:
-        raise ValueError(f"unknown mesh {kind!r}: choose one of {', '.join(KINDS)}")
-    for side, length in (("width", width), ("height", height)):
-        if not 0 < length < np.inf:
-            raise ValueError(f"the {side} must be positive, got {length:g} mm")
+    refuse_unknown("mesh", kind, KINDS)
+    refuse_unless_positive("the width", width, " mm")
+    refuse_unless_positive("the height", height, " mm")
     if nx < 1 or ny < 1:
         raise ValueError(f"the mesh requires at least 1x1 elements, got {nx}x{ny}")
     if not 0 <= jitter < 1:
@@ -302,14 +301,18 @@ def free_edges(mesh: Mesh, held: tuple[str, ...]) -> ndarray:
     return free.astype(int)
 
 
+def refuse_unless_positive(
+    what: str, number: float, unit: str = "", also: str = ""
+) -> None:
+    """Refuse a number that is not positive and finite, or ``also`` "0 or "."""
+    if not (0 < number < np.inf or (also and number == 0)):
+        raise ValueError(f"{what} must be {also}positive, got {number:g}{unit}")
+
+
 def _refuse_numbers(name: str, ply: OnTool) -> None:
-    for what, side in (("width", ply.width), ("height", ply.height)):
-        if not 0 < side < np.inf:
-            raise ValueError(f"{name}: the {what} must be positive, got {side:g} mm")
-    if not 0 <= ply.tension < np.inf:
-        raise ValueError(
-            f"{name}: the edge tension must be 0 or positive, got {ply.tension:g} N/mm"
-        )
+    refuse_unless_positive(f"{name}: the width", ply.width, " mm")
+    refuse_unless_positive(f"{name}: the height", ply.height, " mm")
+    refuse_unless_positive(f"{name}: the edge tension", ply.tension, " N/mm", "0 or ")
     if not np.isfinite(ply.fibres):
         raise ValueError(
             f"{name}: the angle of the fibres must be finite, got {ply.fibres:g}"

@@ -13,8 +13,9 @@ from skfem import Mesh
 
 from ..fabric import Fabric, Law, is_zero
 from ..ply import Ply
+from ..ply.amount import Following, Programme
 from ..ply.formulations import DEFAULT
-from ..ply.terms import Factor, Formulation, Load, proportional
+from ..ply.terms import Formulation, Load
 from ..solve.conditions import Condition
 from ..solve.newton import Method
 from ..solve.on_surface import OnSurface
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from ..contact import Holder, Process, Tool
     from ..mesh.selection import FibreEnd
     from ..outlines import Outline
-    from ..solve.programme import Programme
     from .shear_test import BiasTest, FrameTest
 
 ExactField = Callable[[ndarray, float], ndarray]
@@ -39,9 +39,7 @@ _ROUND_OFF = 1e-9
 # Relative load reduction by fibre stretch above which the summary reports it.
 _WORTH_SAYING = 0.01
 
-
 _P = ParamSpec("_P")
-
 _T = TypeVar("_T")
 
 
@@ -172,7 +170,7 @@ class Scene:
     first: Sequence[Quantity] = ()
     axes: Axes = SAME_AXES
     initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
-    programme: "Programme | None" = None
+    programme: Programme | None = None
     process: "Process | None" = None
 
     def through(
@@ -205,8 +203,42 @@ class Scene:
         >>> float(scene.shear_angle(scene.mesh.p, 1.0).max())
         0.0
         """
-        from ..solve.programme import Programme
+        self._refuse_programme(release)
+        levels = tuple(levels)
+        programme = Programme((*levels, levels[-1]) if levels and release else levels)
+        end = 1 - 1 / len(programme.levels)
 
+        def following(of: Any) -> Any:
+            """A function that follows the programme; other values remain."""
+            known = callable(of) and of is not unknown
+            return Following(of, programme) if known else of
+
+        loads: list[Any] = [*self.loads]
+        return replace(
+            self,
+            conditions={
+                name: replace(
+                    c,
+                    factor=following(c.factor),
+                    until=end if name in release else c.until,
+                )
+                for name, c in self.conditions.items()
+                if isinstance(c, Condition)
+            },
+            displacement=following(self.displacement),
+            shear_angle=following(self.shear_angle),
+            load=following(self.load),
+            loads=tuple(replace(x, factor=following(x.factor)) for x in loads),
+            fibre_ends={name: following(of) for name, of in self.fibre_ends.items()},
+            figures=_no_figures,
+            measured=_no_figures,
+            first=(),
+            programme=programme,
+            misfit=self.misfit or ("conditions have ended" if release else ""),
+        )
+
+    def _refuse_programme(self, release: Collection[str]) -> None:
+        """Refuse a programme between tools, or after which no condition remains."""
         on_tool = any(isinstance(c, OnSurface) for c in self.conditions.values())
         if self.tools or on_tool:
             raise ValueError(
@@ -223,40 +255,6 @@ class Scene:
                 "no condition remains: hold the ply by another condition, at two nodes "
                 "or more"
             )
-        levels = tuple(levels)
-        programme = Programme((*levels, levels[-1]) if levels and release else levels)
-        end = 1 - 1 / programme.parts
-        loads: list[Any] = [*self.loads]
-        for i, load in enumerate(loads):
-            if callable(factor := load.factor):
-                loads[i] = replace(load, factor=_composed(factor, programme))
-        fibre_ends = {
-            name: partial(_end_at, of=of, programme=programme) if callable(of) else of
-            for name, of in self.fibre_ends.items()
-        }
-        of_load = self.load and partial(_load_at, of=self.load, programme=programme)
-        return replace(
-            self,
-            conditions={
-                name: replace(
-                    c,
-                    factor=_composed(c.factor, programme),
-                    until=end if name in release else c.until,
-                )
-                for name, c in self.conditions.items()
-                if isinstance(c, Condition)
-            },
-            displacement=_field_at(self.displacement, programme),
-            shear_angle=_field_at(self.shear_angle, programme),
-            load=of_load,
-            loads=tuple(loads),
-            fibre_ends=fibre_ends,
-            figures=_no_figures,
-            measured=_no_figures,
-            first=(),
-            programme=programme,
-            misfit=self.misfit or ("conditions have ended" if release else ""),
-        )
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres, conditions and loads rotated together.
@@ -281,14 +279,13 @@ class Scene:
                 f"the scene {self.name} is in space and cannot be rotated: omit the "
                 "rotation"
             )
-        Q, loads = _rotation(angle), []
-        for load in self.loads:
-            if not (turned := getattr(load, "turned", None)):
+        Q, loads = _rotation(angle), list[Any](self.loads)
+        for load in loads:
+            if not hasattr(load, "turned"):
                 raise ValueError(
                     f"the scene {self.name} has a load without a method turned(Q), "
                     f"{type(load).__name__}, and cannot be rotated"
                 )
-            loads.append(turned(Q))
         return replace(
             self,
             mesh=replace(self.mesh, doflocs=Q @ self.mesh.p),
@@ -299,7 +296,7 @@ class Scene:
                 for k, c in self.conditions.items()
                 if isinstance(c, Condition)  # only plies in space are on surfaces
             },
-            loads=tuple(loads),
+            loads=tuple(load.turned(Q) for load in loads),
             displacement=partial(_turned_vector, of=self.displacement, Q=Q),
             shear_angle=partial(_turned_number, of=self.shear_angle, Q=Q),
             rotation=self.rotation + angle,
@@ -423,7 +420,7 @@ class Scene:
         if self.misfit or self.displacement is unknown:
             return {}
         ply, t = result.ply, result.states[-1].load_factor
-        return self.distance(ply.nodes, ply.nodal(result.u), *at_centres(result), t)
+        return self.distance(ply.nodes, ply.nodal(result.u), *result.at_centres(), t)
 
     def distance(
         self,
@@ -482,11 +479,7 @@ class Scene:
             "first": [*(one.declared() for one in self.first), *summary["first"]],
             **result.place_of_shear(stated),
             "wrinkle_risk_share_of_area": share_of_area(result.ply, at_risk),
-            **(
-                {}
-                if most is None or result.not_on_tool
-                else result.place_of(most, "wrinkle_risk_at", stated)
-            ),
+            **result.place_of(most, "wrinkle_risk_at", stated),
             **{f"reaction_{x}": f for x, f in zip("xyz", reaction, strict=False)},
             **{f"reaction_share_of_{k}": v for k, v in carried.items()},
             **self._load_over_exact(result, reaction[self.load_axis]),
@@ -502,9 +495,8 @@ class Scene:
         """Load relative to the exact load, if this is known and not zero."""
         fabric, t = result.ply.fabric, result.states[-1].load_factor
         uniform = fabric.at() is fabric  # the exact load is valid for one law
-        if self.misfit or self.load is None or not uniform:
-            return {}
-        if is_zero(fabric.shear_law) or t == 0:
+        at_rest = t == 0 or is_zero(fabric.shear_law)
+        if self.misfit or self.load is None or at_rest or not uniform:
             return {}
         if self.programme and (fabric.has_friction or not self.programme(t)):
             return {}  # it is the load of the first loading
@@ -529,48 +521,12 @@ class Scene:
         return figures
 
 
-def at_centres(result: Result) -> tuple[ndarray, ndarray, ndarray]:
-    """Means of the vertices of elements, (2, n), shear angles there, and areas, (n,).
-
-    Shear angles in the last state, and areas in the reference configuration.
-    """
-    ply = result.ply
-    angle = ply.shear_angle(result.u, ply.centre)[:, 0]
-    area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
-    return ply.mesh.p[:, ply.mesh.t].mean(axis=1), angle, area
-
-
 def _turned_vector(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
     return Q @ of(Q.T @ X, t)
 
 
 def _turned_number(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
     return of(Q.T @ X, t)
-
-
-def _composed(factor: Factor, programme: "Programme") -> Factor:
-    """Factor at the load factor of a programme."""
-    if factor is proportional:
-        return programme
-    return partial(_end_at, of=factor, programme=programme)
-
-
-def _end_at(t: float, of: Any, programme: "Programme") -> Any:
-    return of(programme(t))
-
-
-def _load_at(law: Law, t: float, of: Any, programme: "Programme") -> float:
-    return float(of(law, programme(t)))
-
-
-def _field_at(field: ExactField, programme: "Programme") -> ExactField:
-    if field is unknown:
-        return field
-    return partial(_exact_at, of=field, programme=programme)
-
-
-def _exact_at(X: ndarray, t: float, of: ExactField, programme: "Programme") -> ndarray:
-    return of(X, programme(t))
 
 
 def _rotation(angle: float) -> ndarray:
@@ -698,11 +654,8 @@ class Case:
         """Which state a result up to it describes; empty for the last one."""
         if not result.later:
             return ""
-        t, process, at = result.states[-1].load_factor, self.scene.process, "at"
-        if process:
-            name = process.phase_at(t)
-            is_end = process.phase_at(result.later[0].load_factor) != name
-            at = f"{'the end of ' if is_end else ''}phase {name!r},"
+        t, process = result.states[-1].load_factor, self.scene.process
+        at = process.time(t, result.later[0].load_factor) if process else "at"
         why = "" if self.describe else f", where {self.scene.driven} is furthest"
         return (
             f"{at} load factor {t:.4g}{why}; later states are in history.csv"

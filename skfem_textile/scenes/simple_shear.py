@@ -21,11 +21,17 @@ from numpy import ndarray
 
 from ..declarations import scenes as declared
 from ..fabric import Law
+from ..mesh.user_input import errors_in, refuse_unknown
 from ..ply.loads import Traction
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
 from ..solve.result import Result
-from .rectangle import given_or_rectangle, misfit, require_edges
+from .rectangle import (
+    given_or_rectangle,
+    misfit,
+    refuse_unless_positive,
+    require_edges,
+)
 from .scene import Scene, with_parameters
 
 # Name of the tension, which differs from the term of the fibre tension.
@@ -78,11 +84,8 @@ def simple_shear(given: declared.SimpleShear) -> Scene:
             "simple_shear: the shear angle must be between 0 and 90 degrees, got "
             f"{np.degrees(gamma):g} degrees"
         )
-    if across not in declared.ACROSS:
-        raise ValueError(
-            f"simple_shear: unknown motion across the clamps {across!r}: choose one of "
-            f"{', '.join(declared.ACROSS)}"
-        )
+    with errors_in("simple_shear: "):
+        refuse_unknown("motion across the clamps", across, declared.ACROSS)
     tension = _tension(across, given.tension)
     mesh = given_or_rectangle(given, given.width, given.height, given.warp, given.weft)
     require_edges("simple_shear", mesh, ("bottom", "top"))
@@ -127,10 +130,7 @@ def _tension(across: str, tension: float | None) -> float:
             )
         return 0.0
     tension = declared.SHEAR_TENSION if tension is None else tension
-    if not 0 <= tension < np.inf:
-        raise ValueError(
-            f"simple_shear: the tension must be 0 or positive, got {tension:g} N/mm"
-        )
+    refuse_unless_positive("simple_shear: the tension", tension, " N/mm", "0 or ")
     return tension
 
 

@@ -13,7 +13,12 @@ from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
 from ..solve.result import Result
 from .elastica import buckled, drooping, hanging, peirce
-from .rectangle import given_or_rectangle, misfit, require_edges
+from .rectangle import (
+    given_or_rectangle,
+    misfit,
+    refuse_unless_positive,
+    require_edges,
+)
 from .scene import Scene, with_parameters
 
 #: Names of the ends of a strip.
@@ -54,9 +59,8 @@ def cantilever(given: declared.Cantilever) -> Scene:
         If the mesh is not valid or does not fit, or a number is not positive.
     """
     weight = given.weight
-    for name, number in (("length", given.length), ("weight", weight)):
-        if not 0 < number < np.inf:
-            raise ValueError(f"the {name} must be positive, got {number:g}")
+    refuse_unless_positive("the length", given.length)
+    refuse_unless_positive("the weight", weight)
     mesh = given_or_rectangle(given, given.length, WIDTH)
     require_edges("cantilever", mesh, ENDS)
     overhang = float(np.ptp(mesh.p[0]))

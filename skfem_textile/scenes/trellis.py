@@ -20,6 +20,7 @@ from skfem import Mesh
 from ..declarations import scenes as declared
 from ..declarations.scenes import Edge, Turn
 from ..mesh.scikit_fem import with_names
+from ..mesh.user_input import errors_in, refuse_unknown
 from ..solve.conditions import Condition
 from .rectangle import given_or_rectangle, require_edges
 from .scene import Scene, with_parameters
@@ -111,10 +112,8 @@ def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
     """Mesh with the boundary ``held``: all edges except free sides and rollers."""
     held = mesh.boundary_facets()
     for side, edge in edges.items():
-        if side not in SIDES:
-            raise ValueError(
-                f"trellis: unknown side {side!r}: choose one of {', '.join(SIDES)}"
-            )
+        with errors_in("trellis: "):
+            refuse_unknown("side", side, SIDES)
         is_angle = isinstance(edge, Real) and np.isfinite(edge)
         if edge not in ("held", "free") and not is_angle:
             raise ValueError(

@@ -16,7 +16,7 @@ from ..fabric import Direction, unit_vectors
 from ..mesh.bases import components, node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes, turned_where
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
-from ..ply.terms import Factor, factor_at, proportional
+from ..ply.amount import SAME, Amount, AmountLike, proportional
 from .on_surface import OnSurface
 from .surface_nodes import PARALLEL_ANGLE, SurfaceNodes
 
@@ -27,9 +27,6 @@ Value: TypeAlias = (
 # Conditions agree at a node if their displacements differ by at most this share of the
 # largest displacement and, for round-off, of the largest coordinate.
 _AGREEING, _ROUND_OFF = 1e-9, 1e-15
-
-# Distance of an end from a load factor within which they are the same: round-off.
-_SAME_END = 1e-9
 
 # Smallest ratio of eigenvalues of S, (1 − cos θ)/(1 + cos θ) of two directions with the
 # angle θ, that belongs to another direction.
@@ -84,7 +81,7 @@ class Condition:
     value: Value = 0.0
     direction: Direction | None = None
     together: bool = False
-    factor: Factor = proportional
+    factor: AmountLike = proportional
     until: float = 1.0
 
     def __post_init__(self) -> None:
@@ -146,7 +143,7 @@ class Condition:
         """Displacements along the fixed directions, shape (k, n)."""
         what, data = f"condition {name!r}: the value", self.value
         if self.factor is not proportional:
-            t = factor_at(f"condition {name!r}", self.factor, t)
+            t = self.amount(name)(t)
         axes, n_nodes = self._axes(name, d), X.shape[1]
         if callable(self.value):
             data = call_user_function(what, self.value, X, t)
@@ -164,6 +161,10 @@ class Condition:
         if value.shape != shape and not one_for_all:
             raise ValueError(f"{what} must have shape {shape}, not {value.shape}")
         return np.broadcast_to(value, shape).reshape(-1, n_nodes)
+
+    def amount(self, name: str) -> Amount:
+        """Factor of the condition."""
+        return Amount(f"condition {name!r}: its factor", self.factor)
 
     def _axes(self, name: str, d: int) -> list[int]:
         """Numbers of the fixed components of a condition without direction."""
@@ -372,6 +373,11 @@ class Constraints:
         self.shared = np.append(self.shared, at[:k])
         self.rounding = max(self.rounding, float(np.sqrt(len(at))))
 
+    @property
+    def amounts(self) -> list[Amount]:
+        """Factors of the conditions."""
+        return [c.amount(name) for name, c, _ in self._conditions]
+
     def fixed_values(self, t: float) -> ndarray:
         """Values of the prescribed unknowns at the load factor ``t``.
 
@@ -428,7 +434,7 @@ def constraints_after(
         if (until := getattr(condition, "until", 1.0)) >= 1:
             continue
         near = min(load_factors, key=lambda t: abs(t - until))
-        if abs(near - until) > _SAME_END:
+        if abs(near - until) > SAME:
             raise ValueError(
                 f"condition {name!r} ends at the load factor {until:g}, within a step: "
                 f"choose steps such that one ends there, or {near:g}"

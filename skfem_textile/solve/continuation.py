@@ -12,12 +12,15 @@ from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import shortened
+from ..ply.amount import ends_of_parts
 from ..ply.parameters import PlyParameters
 from . import active_set
 from .direction import TINY
@@ -82,14 +85,18 @@ class LoadSteps:
 
     def ends(self, finer: int = 1) -> list[float]:
         """Load factors from 0 on at which steps end; or parts of these, if finer."""
-        load_factors, parts = [0.0], ends_of_parts(len(self.numbers))
-        for first, last, steps in zip(parts, parts[1:], self.numbers, strict=False):
+        load_factors, bounds = [0.0], pairwise(self._parts)
+        for (first, last), steps in zip(bounds, self.numbers, strict=True):
             load_factors += np.linspace(first, last, finer * steps + 1)[1:].tolist()
         return load_factors
 
     def number(self, t: float) -> int:
         """Number of steps of the part that contains a load factor or ends there."""
-        return self.numbers[bisect_left(ends_of_parts(len(self.numbers))[1:], t)]
+        return self.numbers[bisect_left(self._parts[1:], t)]
+
+    @cached_property
+    def _parts(self) -> list[float]:
+        return ends_of_parts(len(self.numbers))
 
     def length(self, t: float) -> float:
         """Length of these steps."""
@@ -99,12 +106,17 @@ class LoadSteps:
 def load_steps(steps: Any) -> LoadSteps:
     """Validated numbers of steps."""
     if not isinstance(steps, list | tuple):
-        refuse_unless_whole("steps", steps, 1, _MOST_STEPS)
+        refuse_steps("steps", steps)
         return LoadSteps((int(steps),))
     for part, number in enumerate(steps, 1):
-        refuse_unless_whole(f"steps of part {part}", number, 1, _MOST_STEPS)
-    refuse_unless_whole("the sum of steps", sum(steps), 1, _MOST_STEPS)
+        refuse_steps(f"steps of part {part}", number)
+    refuse_steps("the sum of steps", sum(steps))
     return LoadSteps(tuple(map(int, steps)))
+
+
+def refuse_steps(name: str, number: Any) -> None:
+    """Refuse what is not a number of steps."""
+    refuse_unless_whole(name, number, 1, _MOST_STEPS)
 
 
 def refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
@@ -115,11 +127,6 @@ def refuse_unless_whole(name: str, number: Any, least: int, most: int) -> None:
     raise ValueError(
         f"{name} must be a whole number from {least} to {most}, got {shortened(number)}"
     )
-
-
-def ends_of_parts(n: int) -> list[float]:
-    """Load factors from 0 to 1 between n parts of equal length."""
-    return np.linspace(0.0, 1.0, n + 1).tolist()
 
 
 class StepEnd(NamedTuple):

@@ -67,10 +67,11 @@ Update = Callable[[Iterate, Tangent], Iterate]
 # state.
 _IN_BALANCE = 1e-6
 
-# Residual relative to that sum below which such loads are balanced within an iteration,
-# and share of it below which they are balanced again.  Measured on four tools: 9 to 15
-# solves, without it 9 to 20, with 1e-5 10 to 19; up to 31 if they are balanced at each
-# tenth.
+# Residual, relative to the sum of all loads, below which self-balancing loads are
+# balanced within an iteration, and share of it below which they are balanced again.
+# Measured on four tools: 9 to 15 solves, without it 11 to 20, with 1e-5 10 to 19; up to
+# 31 if they are balanced at each tenth, because reactions at a residual differ from
+# those at equilibrium by a share of it.
 _BALANCED, _BALANCED_AGAIN = 1e-4, 1e-2
 
 #: Called with the number of an iteration, its residual and its tolerance, both in N.
@@ -250,8 +251,8 @@ class Newton:
     Between tools, each increment determines the contact nodes (`ActiveSet`).  An
     increment that rotates nearly inextensible fibres stretches them to second order and
     may increase the energy, which the next increments decrease (`Descent`).  Parameters
-    are updated in the first iteration at a load factor, and kept in the iterations that
-    follow an update at an equilibrium.
+    are updated before the first equilibrium at a load factor, and kept in the
+    iterations that follow an update there.
 
     At an unstable equilibrium, or if it has not converged and the tangent is
     indefinite, the iteration moves along the softest mode and continues, without tools

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers, refuse_unknown
 from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters
 from . import active_set
@@ -299,10 +299,7 @@ def _largest_force(trial: Trial) -> float:
 def method_of(method: str | Method) -> Method:
     """Nonlinear solver, given itself or by name."""
     if isinstance(method, str):
-        if method not in METHODS:
-            raise ValueError(
-                f"unknown method {method!r}: choose one of {', '.join(METHODS)}"
-            )
+        refuse_unknown("method", method, METHODS)
         return METHODS[method]
     if isinstance(method, type) or not hasattr(method, "solve"):
         raise ValueError(

@@ -14,14 +14,14 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.progress import clear, shown
-from ..mesh.user_input import real_numbers, shortened
+from ..mesh.user_input import real_numbers, refuse_unknown, shortened
 from ..ply import Ply
+from ..ply.amount import ends_of_parts
 from .conditions import Conditions, Constraints, constraints_after, travels
 from .continuation import (
     MOST_PROJECTED,
     Continuation,
     balanced_at_rest,
-    ends_of_parts,
     initial_guess,
     load_growth,
     load_steps,
@@ -31,7 +31,7 @@ from .continuation import (
     refuse_unless_whole,
 )
 from .linear import solver_named
-from .linear.solver import Clock
+from .linear.solver import Clock, SolverOfPattern
 from .newton import Method
 from .problem import Problem, tangent_at
 from .result import UNCHANGING, Result, StepError
@@ -153,26 +153,10 @@ class LoadStepper:
         self.steps = load_steps(steps)
         self.load_factors = self.steps.ends()[1:]
         chosen = solver_named(solver)
-        constraints = Constraints(ply.basis, conditions)
         self.ply = ply
-        followed = *conditions.values(), *ply.terms
-        factors = [getattr(one, "factor", None) for one in followed]
-        factors += [x for one in ply.terms for x in getattr(one, "amounts", ())]
-        for factor in factors:
-            if check := getattr(factor, "check_steps", None):
-                check(self.load_factors)
-        ends = *(conditions, self.load_factors), constraints.nodes
-        endings = constraints_after(ply.basis, *ends)
-        self.problem = problem = Problem(ply, constraints, chosen, endings)
+        self.problem = problem = self._resolved(conditions, chosen)
         self.initial_guess = _checked_guess(initial_guess, problem)
-        if endings and initial_guess is not None:
-            raise ValueError(
-                "initial_guess does not apply to conditions that end: omit it"
-            )
-        moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
-        problem.moves = moved or bool(contacts)
-        for check in dict.fromkeys(type(tool).check for tool in contacts):
-            check(ply, moved)
+        self._check_moves()
         self.search = EquilibriumSearch(
             problem, method_of(method), frozenset(warn_only), self._report
         )
@@ -185,15 +169,31 @@ class LoadStepper:
             "warn_only": sorted(warn_only),
             "initial_guess": initial_guess is not None,
         }
-        self.checkpoint: Checkpoint | None = None
-        if checkpoint:
-            from . import checkpoint as checkpoints
-
-            self.checkpoint = checkpoints.Checkpoint(
-                *(checkpoint, problem, self.steps, self.settings)
-            )
+        self.checkpoint = self._checkpoint(checkpoint) if checkpoint else None
         self.interval = partial(_interval, self.problem, conditions)
         self._run = Run(self)
+
+    def _resolved(self, conditions: Conditions, solver: SolverOfPattern) -> Problem:
+        """The problem, whose amounts the steps do not miss."""
+        ply, constraints = self.ply, Constraints(self.ply.basis, conditions)
+        of_terms = (amount for term in ply.terms for amount in term.amounts)
+        for amount in (*constraints.amounts, *of_terms):
+            amount.check_steps(self.load_factors)
+        ends = *(conditions, self.load_factors), constraints.nodes
+        return Problem(ply, constraints, solver, constraints_after(ply.basis, *ends))
+
+    def _checkpoint(self, folder: str | os.PathLike[str]) -> "Checkpoint":
+        from .checkpoint import Checkpoint
+
+        return Checkpoint(folder, self.problem, self.steps, self.settings)
+
+    def _check_moves(self) -> None:
+        """Find out what moves, and check the tools."""
+        problem = self.problem
+        moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
+        problem.moves = moved or bool(contacts)
+        for check in dict.fromkeys(type(tool).check for tool in contacts):
+            check(self.ply, moved)
 
     def run(
         self,
@@ -250,10 +250,7 @@ class LoadStepper:
                 f"until must be a load factor at which a part of the steps begins, "
                 f"{', '.join(f'{t:.6g}' for t in parts)}, got {shortened(until)}"
             )
-        from .checkpoint import Checkpoint
-
-        other = Checkpoint(folder, self.problem, self.steps, self.settings)
-        ours = self.checkpoint
+        other, ours = self._checkpoint(folder), self.checkpoint
         if ours and ours.folder.resolve() == other.folder.resolve():
             raise ValueError(
                 f"the checkpoint {ours.folder} would replace the run that is repeated: "
@@ -656,15 +653,14 @@ def _check_arguments(
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     refuse_unless_whole("max_halvings", max_halvings, 0, _MOST_HALVINGS)
-    known = ", ".join(CHECKS)
     # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
         raise ValueError(
-            f"warn_only must be a list of checks ({known}), got {shortened(warn_only)}"
+            f"warn_only must be a list of checks ({', '.join(CHECKS)}), got "
+            f"{shortened(warn_only)}"
         )
     for name in warn_only:
-        if name not in [*CHECKS]:  # names may have any type, even an unhashable one
-            raise ValueError(f"unknown check {name!r}: choose one of {known}")
+        refuse_unknown("check", name, CHECKS)
     for name, function in callbacks.items():
         if function is not None and not callable(function):
             raise ValueError(f"{name} must be a function, not {function!r}")
@@ -674,6 +670,8 @@ def _checked_guess(guess: Any, problem: Problem) -> ndarray | None:
     """Validated initial guess of a problem, if there is one."""
     if guess is None:
         return None
+    if problem.endings:
+        raise ValueError("initial_guess does not apply to conditions that end: omit it")
     if problem.rubbing:
         raise ValueError("initial_guess: friction of tools requires steps: omit it")
     u, n = real_numbers("initial_guess", guess), problem.ply.basis.N

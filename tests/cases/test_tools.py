@@ -11,7 +11,7 @@ from skfem_textile.cases import case_from_file, case_from_tables, declared
 from skfem_textile.cases.write import case_text, reference
 from skfem_textile.contact import Holder, contacts
 from skfem_textile.drape import Axes, Die
-from skfem_textile.solve.programme import BetweenRows
+from skfem_textile.ply.amount import Rows
 from tests.helpers import graph, refused
 from tests.helpers.curves import write_columns
 
@@ -268,5 +268,5 @@ def test_steps_that_pass_a_turning_point_of_rows_are_refused(key, rows):
 
 
 def test_rows_are_interpolated():
-    rows = BetweenRows("x", [(0.0, 1.0), (0.25, 3.0), (1.0, 0.0)])
+    rows = Rows.of("x", [(0.0, 1.0), (0.25, 3.0), (1.0, 0.0)])
     assert [rows(t) for t in (0.0, 0.125, 0.25, 1.0)] == [1.0, 2.0, 3.0, 0.0]

@@ -23,9 +23,9 @@ from skfem_textile import (
     drape,
 )
 from skfem_textile.contact.checks import check_tools
-from skfem_textile.contact.holder import function_of
 from skfem_textile.contact.obstacle import refuse_extent
 from skfem_textile.contact.outline import is_flat
+from skfem_textile.contact.tool import amount_of
 from skfem_textile.scenes import (
     Case,
     double_dome_forming,
@@ -153,7 +153,8 @@ def test_tools_are_checked_at_41_load_factors():
 
     with pytest.raises(ValueError, match="nearest is 'far', 90 mm away"):
         check_tools(ply(Tool(plane, motion=motion, side=-1, name="far")))
-    function_of("gap", lambda t: amounts.append(t) or 1.0, 0.0, " mm")
+    holder = Holder(plane, gap=lambda t: amounts.append(t) or 1.0)
+    amount_of(holder, "gap", "holder")
     assert np.unique(factors) == pytest.approx(np.linspace(0, 1, 41))
     assert amounts == pytest.approx(np.linspace(0, 1, 41))
 

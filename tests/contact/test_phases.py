@@ -251,8 +251,11 @@ def holding(**amounts):
             "'holder' is a holder with a gap, not a force: state its gap",
             [holding(force=1)],
         ),
-        ("gap of 'holder' must be at least 0 mm, got -1 mm", [holding(gap=-1)]),
-        ("friction of 'holder' must be from 0 to 2", [holding(friction=2.5)]),
+        (
+            "gap of 'holder' must be a number of at least 0 mm, got -1 mm",
+            [holding(gap=-1)],
+        ),
+        ("friction of 'holder' must be a number from 0 to 2", [holding(friction=2.5)]),
         ("gap of 'holder' must be a number, or rows", [holding(gap=(1, 2))]),
         ("gap of 'holder' must be finite", [holding(gap=np.nan)]),
         (
@@ -347,8 +350,16 @@ def test_a_tool_that_would_be_in_two_places_is_refused():
 def test_steps_that_pass_the_end_of_a_phase_are_refused():
     process = Process([CLOSE, PUNCH, OPEN], tools())
     ply = blank(terms=process.tools)
-    with pytest.raises(ValueError, match=r"where a phase ends: use .* \(1, 2, 1\)"):
+    with pytest.raises(ValueError, match=r"steps must be a multiple of 3, .* phases"):
         LoadStepper(ply, SYMMETRY, 4)
+
+
+def test_steps_that_pass_a_turn_within_a_phase_are_refused():
+    """Although each phase ends with a step."""
+    process = Process([moving([[0.5, 0, 0, 8], [1, 0, 0, 4]])], tools())
+    ply = blank(terms=process.tools)
+    with pytest.raises(ValueError, match=r"share 0\.5, within one of 3 steps"):
+        LoadStepper(ply, SYMMETRY, 3)
 
 
 def test_crossing_tools_at_the_end_of_a_phase_are_refused():

@@ -18,12 +18,14 @@ from skfem_textile import (
     OnePoint,
     OnSurface,
     Ply,
+    Pressure,
     Programme,
     Quadratic,
     WithFriction,
 )
 from skfem_textile.drape import Sphere
 from skfem_textile.fabric import along
+from skfem_textile.ply.amount import Following
 from skfem_textile.scenes import bias_extension, picture_frame
 from skfem_textile.solve.conditions import constraints_after
 
@@ -73,11 +75,23 @@ def shear_moments(result):
     return np.transpose(found)
 
 
+def test_a_function_may_follow_a_programme():
+    squared = Following(lambda x, t: x * t**2, Programme([1.0, 0.5]))
+    assert [squared(3.0, t) for t in (0.0, 0.25, 0.5, 1.0)] == [0.0, 0.75, 3.0, 0.75]
+    assert squared.load_factors == [0.0, 0.5, 1.0]
+    with pytest.raises(ValueError, match="steps must be a multiple of 2"):
+        squared.check_steps([1 / 3, 2 / 3, 1.0])
+
+
 def test_steps_that_pass_a_level_are_refused():
     scene, _ = frame_test(LAW, [1.0, 0.0, 1.0], 1)
     ply = Ply(scene.mesh, Fabric(1e5, LAW, scene.warp, scene.weft))
     with pytest.raises(ValueError, match=r"steps must be a multiple of 3, .* got 10"):
         LoadStepper(ply, scene.conditions, 10)
+    blown = Pressure(1e-3, Programme([1.0, 0.0]))
+    sheet = Ply(scene.mesh, Fabric(1e5), FULL, [blown], dimension=3)
+    with pytest.raises(ValueError, match=r"steps must be a multiple of 2, .* got 3"):
+        LoadStepper(sheet, {"edges": Condition(scene.mesh.boundary_nodes())}, 3)
     with pytest.raises(ValueError, match=r"or 3 numbers of steps, .* got 6"):
         LoadStepper(ply, scene.conditions, (2, 4))
     LoadStepper(ply, scene.conditions, (1, 2, 1))

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from ...fabric.law import Resistance, refuse_other_units
 from ...fabric.laws.tabulated import ANGLE, CURVATURE
-from ...mesh.user_input import excerpt, printable
+from ...mesh.user_input import errors_in, excerpt, printable
 from .layout import (
     SEPARATORS,
     Block,
@@ -298,10 +298,8 @@ class _File:
             for cell in row
             if is_number(cell)
         )
-        try:
+        with errors_in(f"{self.file}: "):
             return decimal_mark(cells, self.separator)
-        except ValueError as error:
-            raise ValueError(f"{self.file}: {error}") from None
 
     def recordings(self) -> list[Recording]:
         """Tests of the file, each of one table or of several segments."""

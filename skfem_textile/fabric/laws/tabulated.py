@@ -14,7 +14,13 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ...mesh.user_input import excerpt, number_of_text, printable, real_numbers
+from ...mesh.user_input import (
+    errors_in,
+    excerpt,
+    number_of_text,
+    printable,
+    real_numbers,
+)
 from ..law import Resistance, ScalarLaw, keep, refuse_other_units
 
 # Names of the columns, and factors of their units to radians, strain, 1/mm, N/mm or
@@ -136,10 +142,8 @@ def read_table(
     (x_unit, y_unit), normalised, of = _units(file, lines[0][1], of)
     numbers = [_numbers(file, *line) for line in lines[1:]]
     x, y = np.reshape(numbers, (-1, 2)).T
-    try:
+    with errors_in(f"{file}, "):
         refuse_bad_points(x, y, [line for line, _ in lines[1:]])
-    except ValueError as error:
-        raise ValueError(f"{file}, {error}") from None
     x, y = x * x_unit, y * y_unit
     for (line, _), argument in zip(lines[1:], x, strict=True):
         refuse_other_units(f"{file}, row {line}", argument, of, x_unit == 1)
@@ -165,10 +169,8 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
         If it cannot be read.
     """
     file = printable(Path(path))
-    try:
+    with errors_in(f"{file}: "):
         return file, lines_of(Path(path).read_bytes())
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}") from None
 
 
 def lines_of(content: bytes) -> list[tuple[int, list[str]]]:
@@ -346,10 +348,8 @@ class Tabulated(ScalarLaw):
             If the file or the law is not valid; one line names the file.
         """
         x, y = read_table(path, of)
-        try:
+        with errors_in(f"{os.fspath(path)}: "):
             return cls(x, y, extrapolation, odd)
-        except ValueError as error:
-            raise ValueError(f"{os.fspath(path)}: {error}") from None
 
     @property
     def domain(self) -> tuple[float, float]:

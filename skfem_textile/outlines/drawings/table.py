@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...fabric.laws.tabulated import HEADING, read_lines, with_decimal_points
-from ...mesh.user_input import IN_MM, excerpt, number_of_text, refuse_unit
+from ...mesh.user_input import IN_MM, errors_in, excerpt, number_of_text, refuse_unit
 from ..rings import Curve
 
 
@@ -103,10 +103,8 @@ def _split_at_spaces(
     (first, head), *others = [(k, ",".join(row).split()) for k, row in lines]
     if not all(map(_is_number, head := _joined_units(head))):
         _columns(file, head, axes)
-    try:
+    with errors_in(f"{file}: "):
         return [(first, head), *with_decimal_points(others)]
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}") from None
 
 
 def _joined_units(words: list[str]) -> list[str]:

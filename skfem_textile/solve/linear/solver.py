@@ -19,7 +19,7 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 
 from ...mesh.requirements import is_installed
-from ...mesh.user_input import error_text
+from ...mesh.user_input import error_text, refuse_unknown
 from .scaling import ROUND_OFF, Scaled, Scaling, SingularMatrixError
 from .unknowns import Unknowns
 
@@ -479,12 +479,9 @@ def solver_named(name: str) -> SolverOfPattern:
 
 def check_solver(name: str) -> None:
     """Raise a ValueError if a name is unknown or its package is not installed."""
+    refuse_unknown("solver", name, ("auto", *SOLVERS))
     if name == "auto":
         return
-    if name not in [*SOLVERS]:  # a list, as the name may not be a string
-        raise ValueError(
-            f"unknown solver {name!r}: choose one of auto, {', '.join(SOLVERS)}"
-        )
     package, install = SOLVERS[name].package, SOLVERS[name].install
     if name in HIDDEN:
         raise ValueError(FORKED)
