@@ -59,16 +59,17 @@ class ToolInPhase(Table):
         about("coefficient of friction in the whole phase, or rows as above"),
     ] = None
 
+    def stated(self) -> dict[str, Any]:
+        """Values by the keys that are stated."""
+        given = {key: getattr(self, key) for key in self.__struct_fields__}
+        return {key: value for key, value in given.items() if value is not None}
+
     def build(self) -> dict[str, Any]:
         """Values by the names of `contact.Phase`, angles in radians."""
-        given = {key: getattr(self, key) for key in self.__struct_fields__}
-        if (rotation := given.pop("motion_deg")) is not None:
+        given = self.stated()
+        if (rotation := given.pop("motion_deg", None)) is not None:
             given["rotation"] = in_radians(rotation)
-        return {
-            key.partition("_")[0]: built_value(value)
-            for key, value in given.items()
-            if value is not None
-        }
+        return {key.partition("_")[0]: built_value(x) for key, x in given.items()}
 
 
 class PhaseTable(Table):
@@ -95,9 +96,7 @@ class PhaseTable(Table):
             return self
         for name in names:
             own = tools.get(name, ToolInPhase())
-            given = {key: getattr(own, key) for key in own.__struct_fields__}
-            stated = {key: value for key, value in given.items() if value is not None}
-            tools[name] = structs.replace(every, **stated)
+            tools[name] = structs.replace(every, **own.stated())
         return structs.replace(self, tools=tools)
 
     def build(self) -> "Phase":
@@ -176,13 +175,13 @@ def described_phase(scene: "Scene", name: str | None) -> str | None:
 
 
 def _refuse_replaced(scene: "Scene", file: Any, names: Sequence[str]) -> None:
-    """Refuse friction that the first phase replaces from its begin on.
+    """Refuse friction that the first phase replaces from its start.
 
     Other amounts change from their values before the first phase.
     """
     first = file.phases[0]
     replaced = {
-        name for name, tool in first.tools.items() if _from_begin(tool.friction)
+        name for name, tool in first.tools.items() if _from_start(tool.friction)
     }
     stated = {
         f"tools.{name}.friction": {name}
@@ -196,20 +195,21 @@ def _refuse_replaced(scene: "Scene", file: Any, names: Sequence[str]) -> None:
         if tools <= replaced:
             raise ValueError(
                 f"{key} has no effect, because the phase {first.name!r} states the "
-                f"friction from its begin on: omit {key}, or set "
+                f"friction from its start: omit {key}, or set "
                 f"phases.{first.name}.tools.{min(tools)}.friction"
             )
 
 
-def _from_begin(friction: InPhase | None) -> bool:
-    """True if a friction in a phase is stated at its begin, too."""
+def _from_start(friction: InPhase | None) -> bool:
+    """True if a friction in a phase is stated at its start, too."""
     begins = not isinstance(friction, tuple) or friction[0][0] == 0
     return friction is not None and begins
 
 
 def furthest(phases: Sequence[PhaseTable], tool: str) -> float | None:
     """The largest motion of a tool along z in mm, with its sign; None if not moved."""
-    moved = (phase.tools[tool].motion_mm for phase in phases if tool in phase.tools)
+    changes = (phase.of_each([tool]).tools.get(tool) for phase in phases)
+    moved = (change.motion_mm for change in changes if change)
     heights = [
         row[-1] if isinstance(row, tuple) else row
         for rows in moved

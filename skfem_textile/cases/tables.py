@@ -144,7 +144,10 @@ def _typed(kind: Any, stated: Key) -> tuple[Any, Any]:
     if get_origin(kind) is dict:
         default = field(default_factory=partial(dict, default))
     if stated.limits is not None:
-        metadata.append(Meta(gt=stated.limits[0], le=stated.limits[1]))
+        low, high = stated.limits
+        metadata.append(
+            Meta(ge=low, le=high) if stated.closed else Meta(gt=low, le=high)
+        )
     elif stated.unit == "deg":
         kind = Degrees | None if NoneType in get_args(kind) else Degrees
     return Annotated[kind, *metadata], default

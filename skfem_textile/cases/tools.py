@@ -3,6 +3,7 @@
 Each struct builds its surface and imports the modules for it only then.
 """
 
+from collections.abc import Collection
 from math import radians
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
@@ -91,11 +92,15 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         ),
     ] = None
     friction: Annotated[
-        NumberOrRows, about(f"coefficient of Coulomb friction with the ply; or {_ROWS}")
-    ] = 0.0
+        NumberOrRows | None,
+        about(f"coefficient of Coulomb friction with the ply; or {_ROWS} (default: 0)"),
+    ] = None
     elastic_slip_mm: Annotated[
-        float, Meta(gt=0), about("slip up to which friction is elastic")
-    ] = 0.02
+        Annotated[float, Meta(gt=0)] | None,
+        about(
+            f"slip up to which friction is elastic (default: {declared.ELASTIC_SLIP:g})"
+        ),
+    ] = None
     gap_mm: Annotated[
         NumberOrRows | None,
         about(
@@ -118,17 +123,19 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         about("law of compaction of the ply under this force"),
     ] = None
 
-    def build(self, what: str, axes: "Axes", turned: bool = False) -> "Tool | Holder":
+    def build(
+        self, name: str, axes: "Axes", in_phases: Collection[str] = ()
+    ) -> "Tool | Holder":
         """Build the tool.
 
         Parameters
         ----------
-        what
-            Its name in messages, and the default of its name.
+        name
+            Its name, or the default of it.
         axes
             Axes of the ply in the axes of the tool.
-        turned
-            True if phases rotate it about its axis.
+        in_phases
+            Keys of the tool that phases state.
 
         Raises
         ------
@@ -139,22 +146,30 @@ class ToolTable(DeclaredTable, tag_field="surface"):
 
         from ..contact import Holder, Tool
 
-        outline = None
+        what, outline = (f"tools.{name}" if self.name else name), None
         if self.outline_mm is not None:
             outline = np.array(self.outline_mm).reshape(-1, 2).T - axes.origin[:2, None]
         with errors_in(f"{what}: "):
             surface = self.surface_in(axes)
         common: dict[str, Any] = {
             "surface": surface,
-            "motion": self._motion(what, axes, turned),
+            "motion": self._motion(what, axes, "motion_deg" in in_phases),
             "side": self.side,
             "thickness": self.thickness_mm,
             "outline": outline,
-            "friction": _amount(f"{what}.friction", self.friction),
-            "elastic_slip": self.elastic_slip_mm,
-            "name": self.name or what,
+            "friction": _amount(
+                f"{what}.friction", 0.0 if self.friction is None else self.friction
+            ),
+            "name": name,
             "stated": axes.of_tool,
         }
+        if self.elastic_slip_mm is not None:
+            if self.friction is None and "friction" not in in_phases:
+                raise ValueError(
+                    f"{what}: elastic_slip_mm requires friction: set it too, or omit "
+                    "elastic_slip_mm"
+                )
+            common["elastic_slip"] = self.elastic_slip_mm
         given: dict[str, Any] = {
             key.partition("_")[0]: _amount(f"{what}.{key}", amount)
             for key in ("gap_mm", "pressure_N_per_mm2", "force_N")
@@ -176,7 +191,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             raise ValueError(f"{what}: motion_axis must not be zero")
         translation = self._translation(what)
         given = self.motion_axis, self.motion_point_mm
-        if not self.motion_deg:
+        if not self.motion_deg and self.motion_deg != ():
             if given != (_UP, _ORIGIN) and not turned:
                 raise ValueError(
                     f"{what}: motion_axis and motion_point_mm require motion_deg: set "
@@ -210,6 +225,8 @@ class ToolTable(DeclaredTable, tag_field="surface"):
 def _amount(what: str, amount: Any) -> Any:
     if not isinstance(amount, tuple):
         return amount
+    if not amount:
+        raise ValueError(f"{what} is empty: state a number, or {_ROWS}, or omit it")
     from ..ply.amount import Rows
 
     return Rows.of(what, amount)

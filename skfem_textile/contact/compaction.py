@@ -25,6 +25,9 @@ from ..solve.problem import EPSILON
 class CompactionLaw(Protocol):
     """Pressure on a ply as a function of its thickness.
 
+    A law may also have an attribute ``thinnest``, the thickness in mm below which it is
+    extrapolated, of which there is a warning.
+
     Attributes
     ----------
     free
@@ -87,7 +90,8 @@ class MeasuredCompaction(declared.MeasuredCompaction):
     """Compaction law by a monotone curve through measured points.
 
     Thinner plies than the last one have a pressure that is linear in 1/t, and thus in
-    the volume fraction of the fibres, with the slope there.
+    the volume fraction of the fibres, with the slope there; with the slope between the
+    last two points if the curve ends level.
 
     Parameters
     ----------
@@ -145,8 +149,15 @@ class MeasuredCompaction(declared.MeasuredCompaction):
         curve, thinnest = self._curve, self.thinnest
         within = np.clip(thickness, thinnest, self.free)
         thinner = np.minimum(thickness - thinnest, 0.0) * (thinnest / thickness)
-        beyond = float(curve(thinnest, 1)) * thinner
-        return np.where(thickness < self.free, curve(within) + beyond, 0.0)
+        return np.where(
+            thickness < self.free, curve(within) + self._slope * thinner, 0.0
+        )
+
+    @cached_property
+    def _slope(self) -> float:
+        """Slope at the last point, which is 0 of curves that flatten towards it."""
+        rise, of = np.diff([self.pressure[-2:], self.thickness[-2:]])[:, 0]
+        return float(self._curve(self.thinnest, 1)) or float(rise / of)
 
     @cached_property
     def _curve(self) -> PchipInterpolator:
@@ -166,12 +177,15 @@ class RigidHolder:
 
     Attributes
     ----------
+    what
+        The holder, at the beginning of messages.
     force
         Force in N as a function of the load factor.
     law
         Law of compaction.
     """
 
+    what: str
     force: Amount
     law: CompactionLaw
 
@@ -206,8 +220,9 @@ class RigidHolder:
             near /= 2
             if near < EPSILON * far:
                 raise ValueError(
-                    f"compaction: the law carries less than the force {force:g} N of "
-                    "the holder at any thickness: use a law without a largest pressure"
+                    f"{self.what}: its law of compaction carries less than the force "
+                    f"{force:g} N at any thickness: use a law without a largest "
+                    "pressure"
                 )
         distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=8 * EPSILON)
         pressures = np.zeros_like(areas)

@@ -8,7 +8,8 @@ its motion in the axes of the tool.  Sliding begins after an elastic slip of the
 
 is the derivative of b h(|y|), where h(y) = y²/2ε up to ε and y − ε/2 beyond: a convex
 energy.  s is the force at the last state, not above b, and X₀ the place on the tool.
-n and b are updated within an iteration; s, X₀ and the work once a step.
+n and b are updated within an iteration, near the equilibrium; s, X₀ and the work once a
+step.
 
 Newton's method converges slowly at the kink between sticking and sliding.  The tangent
 therefore contains the force σ that the previous increment predicts, which is linear in
@@ -27,6 +28,7 @@ from numpy import ndarray
 
 from ..ply.parameters import Values
 from ..solve.direction import TINY
+from ..solve.verdict import WITHIN_STEP
 
 
 class Friction:
@@ -95,7 +97,7 @@ class Friction:
         slides, m = size > self.slip, y / np.maximum(size, TINY)
         turned = np.where(slides, p["predicted"] * (m * dy).sum(axis=0), 0.0)
         force = (p["bound"] * (y + dy) - turned) / np.maximum(size, self.slip)
-        return Values({**p, "predicted": _within(force, p["bound"])})
+        return Values({**p, "predicted": _bounded(force, p["bound"])})
 
     def advanced(self, p: Values, u: ndarray, t: float) -> Values:
         """Values after a step, at its converged displacement."""
@@ -111,6 +113,35 @@ class Friction:
         start = np.linalg.norm(self._elastic(p), axis=0)
         return float(p["bound"] @ (self._height(size) - self._height(start)))
 
+    def missed(
+        self, p: Values, start: tuple[ndarray, float], u: ndarray, t: float
+    ) -> float:
+        """Work in N·mm that a step misses, because the motion turns within it.
+
+        The bounds over the paths of the points on the tool, less the bounds over their
+        straight connections, along which the step counts slip.  The ply moves straight
+        between both states, the tool by its motion.
+
+        Parameters
+        ----------
+        p, u, t
+            Values, displacement and load factor at the end of the step.
+        start
+            Displacement and load factor at its start.
+        """
+        u_0, t_0 = start
+        shares = np.linspace(0, 1, WITHIN_STEP + 1)
+        within = [(u_0 + s * (u - u_0), t_0 + s * (t - t_0)) for s in shares]
+        x = np.array([self._tangential(self._local(*at), p) for at in within])
+        path = np.linalg.norm(np.diff(x, axis=0), axis=1).sum(axis=0)
+        counted = np.maximum(np.linalg.norm(x[-1] - x[0], axis=0), self.slip)
+        return float(p["bound"] @ np.maximum(path - counted, 0.0))
+
+    def stored(self, u: ndarray, t: float, p: Values) -> float:
+        """Energy of the elastic slips, Σ b h of their lengths, in N·mm."""
+        _, size = self._slipped(u, t, p)
+        return float(p["bound"] @ self._height(np.minimum(size, self.slip)))
+
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Derivative of the energy by the contact points in N, shape (n_nodes, 3)."""
         return (self._placement(t)[0] @ self._force(u, t, p)).T
@@ -119,7 +150,8 @@ class Friction:
         """Its derivative with σ, in N/mm, shape (3, 3, n_nodes)."""
         y, size = self._slipped(u, t, p)
         slides, m = size > self.slip, y / np.maximum(size, TINY)
-        n, sigma = p["normal"], np.where(slides, _within(p["predicted"], p["bound"]), 0)
+        sigma = np.where(slides, _bounded(p["predicted"], p["bound"]), 0)
+        n = p["normal"]
         along = np.eye(3)[:, :, None] - n[:, None] * n
         turned = sigma[:, None] * m
         K = p["bound"] * along - 0.5 * (turned + turned.swapaxes(0, 1))
@@ -140,7 +172,7 @@ class Friction:
     def _elastic(self, p: Values) -> ndarray:
         """Elastic slip ε s/b at the last state."""
         shear, bound = self._tangential(p["shear"], p), p["bound"]
-        return self.slip * _within(shear, bound) / np.where(bound > 0, bound, 1.0)
+        return self.slip * _bounded(shear, bound) / np.where(bound > 0, bound, 1.0)
 
     def _height(self, size: ndarray) -> ndarray:
         """Huber's function h of the magnitude of a slip."""
@@ -155,7 +187,7 @@ class Friction:
         return x - p["normal"] * (p["normal"] * x).sum(axis=0)
 
 
-def _within(force: ndarray, bound: ndarray) -> ndarray:
+def _bounded(force: ndarray, bound: ndarray) -> ndarray:
     """Forces, shape (3, n), shortened to the bound."""
     size = np.linalg.norm(force, axis=0)
     return force * np.minimum(1.0, bound / np.maximum(size, TINY))

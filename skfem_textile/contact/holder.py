@@ -11,9 +11,16 @@ from skfem import CellBasis
 from ..fabric.kinematics import area_ratio, deformation_gradient
 from ..mesh.bases import displacement_gradient
 from ..ply import Ply
-from ..ply.parameters import NO_VALUES, TermParameters, Values
+from ..ply.parameters import NO_VALUES, Values
 from ..solve.on_surface import CheckedSurface
-from .obstacle import Obstacle, ToolContact, ToolTerm, turned
+from .obstacle import (
+    Gaps,
+    Obstacle,
+    ToolContact,
+    ToolParameters,
+    ToolTerm,
+    turned,
+)
 from .outline import ROUND_OFF, shares_inside
 
 if TYPE_CHECKING:
@@ -24,7 +31,7 @@ if TYPE_CHECKING:
 COMPARED = np.linspace(0.4, 1.0, 13)
 
 
-class _Pressed(TermParameters):
+class _Pressed(ToolParameters):
     """Areas and pressures of the nodes under a holder.
 
     ``areas`` are undeformed areas over ‖∇φ‖, 0 at nodes out of reach of the surface. An
@@ -38,7 +45,8 @@ class _Pressed(TermParameters):
     def __init__(
         self, term: "HolderPressure", obstacle: Obstacle, basis: CellBasis
     ) -> None:
-        self._term, self._points = term, term._points
+        super().__init__(term)
+        self._points, self._rigid = term._points, term.rigid
         self._outline = obstacle.outline
         self._obstacle = replace(obstacle, outline=None)
         self._mesh, self._nodes = basis.mesh, basis.element_dofs[::3] // 3
@@ -48,30 +56,18 @@ class _Pressed(TermParameters):
 
     def at_rest(self) -> Values:
         """Values before the run."""
-        values = self._term.values_at_rest({})
+        values = self.with_friction_at_rest({})
         return self.updated(values, np.zeros(self._obstacle.X.size), 0.0)
 
-    def updated(
-        self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
-    ) -> Values:
-        """Values at a displacement."""
-        term, (areas, slopes) = self._term, self._areas(u, t)
+    def _without_friction(self, values: Values, u: ndarray, t: float) -> Values:
+        """Areas, and pressures of a holder with a force."""
+        areas, slopes = self._areas(u, t)
         after: dict[str, Any] = {**values, "areas": areas * (1 / slopes)}
-        if term.rigid:
+        if self._rigid:
             weight = self.weight(u)
-            pressures, distance = term.rigid.pressed(t, areas / weight, weight)
+            pressures, distance = self._rigid.pressed(t, areas / weight, weight)
             after |= {"pressures": pressures / weight, "distance": np.array(distance)}
-        values = Values(after)
-        if term.friction:
-            normals = self._obstacle.gaps(self._points.in_planes(u), t).normal
-            state = u, t, normals, term.forces(u, t, values)
-            values = term.friction.updated(values, *state)
-        return values
-
-    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
-        """See `Friction.advanced`."""
-        friction = self._term.friction
-        return friction.advanced(values, u, t) if friction else values
+        return Values(after)
 
     def _areas(self, u: ndarray, t: float) -> tuple[ndarray, ndarray]:
         """Undeformed area of each node under the holder, and ‖∇φ‖ there."""
@@ -88,6 +84,10 @@ class _Pressed(TermParameters):
         areas[nodes] *= np.isfinite(at.gap)
         slopes[nodes] = at.slope
         return areas, slopes
+
+    def gaps(self, u: ndarray, t: float) -> Gaps:
+        """Gaps of the contact points, without an outline."""
+        return self._obstacle.gaps(self._points.in_planes(u), t)
 
     def weight(self, u: ndarray) -> ndarray:
         """Undeformed over current area at each node: its relative areal weight.
@@ -153,35 +153,28 @@ class HolderPressure(ToolTerm):
             "law of compaction": curve,
         }
 
-    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+    def normals(self, u: ndarray, t: float) -> ndarray:
+        """See `ToolTerm.normals`; also of nodes outside of the outline."""
+        return self._pressed_areas.gaps(u, t).normal
+
+    def potential(self, u: ndarray, t: float, p: Values) -> float:
         """Pressure times the volume between the ply and the surface."""
         _, factors, _, local = self._nodes_under(u, t, p)
-        of_friction = self.friction.energy(u, t, p) if self.friction else 0.0
-        return float(factors @ self._surface.level(local)) + of_friction
+        return float(factors @ self._surface.level(local))
 
-    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """Forces towards the surface."""
-        f = self._on_points(u, t, p)
-        if self.friction:
-            f = f + self.friction.forces(u, t, p)
-        return self._points.nodal(f)
-
-    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """Their derivative, see `Pattern.sum`."""
+    def _blocks(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """Pressure times the second derivatives of φ."""
         nodes, factors, rotation, local = self._nodes_under(u, t, p)
         K = np.zeros((3, 3, self.nodes.shape[1]))
-        H = factors * self._surface.hessian(local)
-        K[..., nodes] = turned(rotation, H)
-        if self.friction:
-            K += self._points.along_planes(self.friction.stiffness(u, t, p))
-        return self._points.matrices(K)
+        K[..., nodes] = turned(rotation, factors * self._surface.hessian(local))
+        return K
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Forces of the contact points towards the surface in N, shape (n_nodes,)."""
         return np.asarray(np.linalg.norm(self._on_points(u, t, p), axis=1))
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
-        """Also a law of compaction that is extrapolated, and pressure over an opening.
+        """Also a force without a ply, a law that is extrapolated, and an opening.
 
         A node that is beyond the surface by more than the size of an element is over an
         opening: it has passed through the surface.
@@ -193,6 +186,13 @@ class HolderPressure(ToolTerm):
             lines.append(
                 f"force of {what} compresses the ply to {least:.4g} mm: its law of "
                 f"compaction ends at {thinnest:g} mm and is extrapolated"
+            )
+        if first := next(filter(self._misses, states), None):
+            force = self.rigid.force(first.load_factor)
+            lines.append(
+                f"force of {what}, {force:.4g} N, does not act at load factor "
+                f"{first.load_factor:.4g}, because no part of the ply is under it: its "
+                "outline must cover a part of the ply while it presses"
             )
         last = states[-1]
         *_, local = self._nodes_under(
@@ -207,6 +207,12 @@ class HolderPressure(ToolTerm):
             )
         return lines
 
+    def _misses(self, state: Any) -> bool:
+        """True if it has a force, but no part of the ply is under it."""
+        if not self.rigid or state.parameters[self.name]["areas"].any():
+            return False
+        return bool(self.rigid.force(state.load_factor))
+
     def _thinnest(self, state: Any) -> float:
         """Smallest thickness of the ply under a holder with a force, in mm."""
         p = state.parameters[self.name]
@@ -218,7 +224,7 @@ class HolderPressure(ToolTerm):
         return bool(self._pressed_areas.updated(NO_VALUES, u, t)["areas"].any())
 
     def _on_points(self, u: ndarray, t: float, p: Values) -> ndarray:
-        """Derivative of the energy by the contact points, shape (n_nodes, 3)."""
+        """See `ToolTerm`."""
         nodes, factors, rotation, local = self._nodes_under(u, t, p)
         f = np.zeros((self.nodes.shape[1], 3))
         f[nodes] = (factors * (rotation @ self._surface.gradient(local))).T
@@ -242,7 +248,7 @@ def contacts(ply: Ply) -> list[ToolContact]:
 
 
 def pressing(ply: Ply) -> list[ToolTerm]:
-    """Contacts of a ply, and holders with a prescribed pressure."""
+    """Contacts of a ply, and holders with a pressure or a force."""
     return [term for term in ply.terms if isinstance(term, ToolTerm)]
 
 

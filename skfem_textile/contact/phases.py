@@ -19,6 +19,8 @@ from ..mesh.user_input import real_numbers, shortened
 from ..ply.amount import Limits, Part, Rows, ends_of_parts, refuse_places
 from ..solve.continuation import LoadSteps, refuse_steps
 from ..solve.result import Result
+from .holder import pressing
+from .motion import travelled
 from .tool import LIMITS, AboutAxis, Holder, Tool
 
 
@@ -101,8 +103,8 @@ class Process:
 
     Attributes
     ----------
-    phases
-        The phases.
+    phases, names
+        The phases, and their names.
     tools
         The tools, whose motions, friction and so on are functions of the load factor.
     steps
@@ -156,7 +158,7 @@ class Process:
         self.steps = tuple(phase.steps for phase in self.phases)
         self._ends = ends_of_parts(len(self.phases))
         moving = [self._moving(tool, axes.get(tool.name)) for tool in tools]
-        self._travels = {x.name: partial(_travel, motion=x.motion) for x in moving}
+        self._travels = {x.name: partial(_travel, tool=x) for x in moving}
         self.tools = tuple(map(self._changing, moving))
         self.loads = self._amount("loads", None, 0.0, [x.loads for x in self.phases])
 
@@ -185,7 +187,23 @@ class Process:
         return f"{'the end of ' if after != name else ''}phase {name!r},"
 
     def at_ends(self, result: Result) -> list[int]:
-        """Indices of the states at the ends of phases, and of the last state."""
+        """Indices of the states at the ends of phases, and of the last state.
+
+        Raises
+        ------
+        ValueError
+            If the tools of the ply are not the tools of the process.
+        """
+        terms = {x.name: [y.stated for y in x.amounts] for x in pressing(result.ply)}
+        for tool in self.tools:
+            own = [getattr(tool, name, None) for name in LIMITS]
+            stated = [x for x in own if x is not None]
+            if not _same(terms.get(tool.name, []), stated, self._ends):
+                raise ValueError(
+                    f"the tool {tool.name!r} of the ply is not the one of the process: "
+                    "build the ply with the tools of the process, "
+                    "Ply(..., terms=process.tools)"
+                )
         factors = [state.load_factor for state in result.states]
         last = {t: i for i, t in enumerate(factors)}  # of clamps that let go
         ends = [last[t] for t in self._ends[1:] if t in last]
@@ -225,7 +243,7 @@ class Process:
                 own = [x for x in _OF_HOLDERS if getattr(tool, x, None) is not None]
                 raise ValueError(
                     f"{where} is a holder with a {own[0]}, not a {quantity}: state its "
-                    f"{own[0]}, or give it a {quantity} instead before the first phase"
+                    f"{own[0]}, or replace it by a holder with a {quantity}"
                     if own
                     else f"{where} has no {quantity}: a holder states its {quantity} "
                     "before the first phase"
@@ -292,6 +310,12 @@ class Process:
             at = rows[:, 0]
             refuse_places(f"{what}: the travels", at, "from 0 mm", bool(at[0] >= 0))
             along = self._travels[value.tool]
+            if not any(map(along, LoadSteps(self.steps).ends())):
+                raise ValueError(
+                    f"{what} follows the travel of {value.tool!r}, which does not "
+                    "move: name a tool that moves, or state rows of the share of the "
+                    "phase"
+                )
             return Part(what, between, rows, along, "travel {:g} mm")
         value = value.tolist() if isinstance(value, ndarray) else value  # or a number
         if isinstance(value, _ROWS) and len(value) and isinstance(value[0], _ROWS):
@@ -307,6 +331,18 @@ class Process:
         end = _array(what, [[0.0, *given]], limits)[0, 1:]
         begin = end if name == "friction" else before
         return Part(what, between, np.array([[0.0, *begin], [1.0, *end]]))
+
+
+def _same(some: Sequence[Any], others: Sequence[Any], at: Sequence[float]) -> bool:
+    """True if amounts have the same values at load factors, within round-off."""
+
+    def values(amounts: Sequence[Any]) -> ndarray:
+        found = [x(t) if callable(x) else x for x in amounts for t in at]
+        parts = [y for x in found for y in (x if isinstance(x, tuple) else [x])]
+        return np.hstack([[], *map(np.ravel, parts)])
+
+    one, other = values(some), values(others)
+    return one.shape == other.shape and np.allclose(one, other, _SAME, _SAME)
 
 
 def _listed(what: str, given: Any) -> tuple[Any, ...]:
@@ -422,16 +458,6 @@ def _text(values: ndarray, of: Limits) -> str:
     return f"({text}){of.unit}" if values.size > 1 else f"{text}{of.unit}"
 
 
-def _travel(t: float, motion: Any) -> float:
+def _travel(t: float, tool: Any) -> float:
     """Distance from the initial position in mm, see `contact.travel`."""
-    first, now = (_translation(s, motion) for s in (0.0, t))
-    return float(np.linalg.norm(now - first))
-
-
-def _translation(t: float, motion: Any) -> ndarray:
-    if motion is None:
-        return np.zeros(3)
-    moved = motion(t) if callable(motion) else t * real_numbers("motion", motion)
-    return np.asarray(
-        moved[1] if isinstance(moved, tuple | list) and len(moved) == 2 else moved
-    )
+    return float(np.linalg.norm(travelled(f"tool {tool.name!r}", tool.motion, t)))

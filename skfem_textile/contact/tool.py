@@ -12,20 +12,19 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis
 
+from ..declarations import ELASTIC_SLIP, MOST_FRICTION
 from ..fabric.law import number
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from ..ply.amount import Amount, AmountLike, Limits, Rows
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import COMPARED, HolderPressure
-from .obstacle import Motion, Obstacle, ToolContact, ToolTerm, no_reach
+from .motion import Motion, travelled
+from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
 if TYPE_CHECKING:
     from .compaction import CompactionLaw, RigidHolder
-
-#: Largest coefficient of friction.  A coefficient in percent is larger.
-MOST_FRICTION = 2.0
 
 #: Limits of the amounts of tools, by name.
 LIMITS = {
@@ -46,7 +45,7 @@ class FormingContact(ToolContact):
     """Contact with the checks before a run and the figures of its result."""
 
     @staticmethod
-    def check(ply: Any, moved: bool) -> None:
+    def check(ply: Any, moved: float) -> None:
         """See `check_tools`."""
         from .checks import check_tools
 
@@ -115,7 +114,7 @@ class Tool:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     friction: AmountLike = 0.0
-    elastic_slip: float = 0.02
+    elastic_slip: float = ELASTIC_SLIP
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -184,7 +183,7 @@ class Holder:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     friction: AmountLike = 0.0
-    elastic_slip: float = 0.02
+    elastic_slip: float = ELASTIC_SLIP
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
@@ -197,8 +196,9 @@ class Holder:
         Raises
         ------
         ValueError
-            See `Tool.on`; also if not exactly one of gap and pressure is given, or it
-            is negative, or no part of the ply is within the outline.
+            See `Tool.on`; also if not exactly one of gap, pressure and force is given,
+            or it is negative, a force has no law of compaction, or no part of the ply
+            is within the outline.
         """
         what = f"holder {self.name!r}"
         given = self.gap, self.pressure, self.force
@@ -206,9 +206,8 @@ class Holder:
             raise ValueError(f"{what}: specify either a gap, a pressure or a force")
         if self.compaction is None and self.force is not None:
             raise ValueError(
-                f"tool {self.name!r}: its force makes it a holder, which requires a "
-                "law of compaction of the ply: set compaction, or, for a tool that "
-                "moves, omit the force"
+                f"{what}: a force requires a law of compaction of the ply: set "
+                "compaction, or, for a tool that moves, omit the force"
             )
         if self.compaction is not None and self.force is None:
             raise ValueError(
@@ -245,7 +244,7 @@ class Holder:
                 f"Compaction(0.3, 1e-3, 8.0), got {shortened(self.compaction)}"
             )
         _check_compaction(f"{what}: law of compaction", self.compaction)
-        return RigidHolder(amount_of(self, "force", what), self.compaction)
+        return RigidHolder(what, amount_of(self, "force", what), self.compaction)
 
 
 def _check_compaction(what: str, law: "CompactionLaw") -> None:
@@ -312,6 +311,32 @@ def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
     unit = np.array(axis) / np.abs(axis).max()
     unit /= np.linalg.norm(unit)
     return np.asarray(Rotation.from_rotvec(angle * unit).as_matrix())
+
+
+def farthest(tools: Sequence[Tool | Holder]) -> str:
+    """Name of the tool that travels farthest in a run, the first of equal ones.
+
+    Not of a holder with a pressure or force, whose force is not a reaction.
+
+    Raises
+    ------
+    ValueError
+        If there is no other tool.
+    """
+
+    def travel(tool: Tool | Holder) -> float:
+        what, motion = f"tool {tool.name!r}", tool.motion
+        factors = validated_at(Amount(what, motion))
+        moved = [travelled(what, motion, t) for t in factors]
+        return float(np.linalg.norm(moved, axis=1).max())
+
+    known = [x for x in tools if isinstance(x, Tool) or x.gap is not None]
+    if not known:
+        raise ValueError(
+            f"tool {tools[0].name!r} is a holder with a pressure or force, but there "
+            "is no tool against which it presses: add one, or state its gap"
+        )
+    return max(known, key=travel).name
 
 
 def amount_of(tool: Any, name: str, what: str) -> Amount:

@@ -17,6 +17,13 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T")
 
+#: Largest coefficient of friction.  A coefficient in percent is larger.
+MOST_FRICTION = 2.0
+
+#: Default of the elastic slip in mm: the force of a hemisphere changes by 0.1 % between
+#: 0.005 and 0.1 mm (`python -m studies friction`).
+ELASTIC_SLIP = 0.02
+
 #: Default in a case file of a parameter that it must state.
 REQUIRED = MISSING
 
@@ -41,6 +48,8 @@ class Key:
         Type in the file, if it is not the one in Python.
     limits
         Limit that a number must exceed, and its largest value, in the unit of the file.
+    closed
+        True if it may also be equal to the first limit.
     words
         Words in the file for False and True; empty if there are none.
     file
@@ -53,6 +62,7 @@ class Key:
     name: str = ""
     kind: Any = None
     limits: tuple[float, float] | None = None
+    closed: bool = False
     words: tuple[str, ...] = ()
     file: bool = False
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, TypedDict
 
-from . import declaration, deg, key, mm
+from . import MOST_FRICTION, declaration, deg, key, mm
 
 #: Rotation of a family in radians at the coordinate s along its fibres (mm) and the
 #: load factor t: ``(s, t) -> (n,)``.
@@ -380,6 +380,8 @@ class Formed(WithTools):
     friction: float = key(
         "coefficient of friction between the ply and punch, die and holder",
         default=0.0,
+        limits=(0, MOST_FRICTION),
+        closed=True,
     )
 
 

@@ -8,7 +8,7 @@ quadrilaterals into which an element was split.  Elements fold first at their co
 """
 
 from copy import copy
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -29,14 +29,9 @@ from skfem import (
     MeshQuad,
     MeshTri,
 )
-from skfem.helpers import cross
 
 from .scikit_fem import get_quadrature, set_element_dofs, set_positions
 from .user_input import with_article
-
-# A corner is flat if det J is below this share of the largest value of its element.
-# Chosen: far above rounding, as in `checks`.
-_FLAT = 1e-9
 
 #: One point at the centre, weighted with the exact area of a bilinear quadrilateral.
 CENTRE = (np.array([[0.5], [0.5]]), np.array([1.0]))
@@ -229,16 +224,6 @@ class DisplacementBasis(CellBasis):
         functions = range(self.Nbfun)
         return [self.elem.gbasis(self.mapping, self.X, i, self.tind) for i in functions]
 
-    def function_gradients(self) -> ndarray:
-        """Gradients of the functions of one component.
-
-        Shape (n_nodes, 2, n_elements, n_points).
-        """
-        scalar: Any = self.elem
-        nodes, inverse = scalar.elem, self.mapping.invDF(self.X, self.tind)
-        local = (nodes.lbasis(self.X, i)[1] for i in range(len(nodes.doflocs)))
-        return np.array([np.einsum("ijkl,il->jkl", inverse, x) for x in local])
-
 
 class HourglassBasis(DisplacementBasis):
     """Basis of the fluctuation at the 2×2 points, each of weight A/4 (§3.2).
@@ -303,7 +288,22 @@ def _fluctuating(element: Any) -> Element:
     return element
 
 
-def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
+def function_gradients(basis: Any) -> ndarray:
+    """Gradients of the functions of one component of a basis of the displacement.
+
+    Shape (n_nodes, 2, n_elements, n_points).
+    """
+    if type(basis) not in (DisplacementBasis, MeanBasis):
+        functions = basis.basis[:: components(basis)]
+        return np.array([np.asarray(field.grad)[0] for (field, *_) in functions])
+    nodes, inverse = basis.elem.elem, basis.mapping.invDF(basis.X, basis.tind)
+    local = (nodes.lbasis(basis.X, i)[1] for i in range(len(nodes.doflocs)))
+    return np.array([np.einsum("ijkl,il->jkl", inverse, x) for x in local])
+
+
+def displacement_gradient(
+    basis: Any, u: ndarray, gradients: ndarray | None = None
+) -> ndarray:
     """Displacement gradient ∇u at the points of a basis.
 
     Parameters
@@ -312,18 +312,17 @@ def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
         Basis of the displacement.
     u
         Displacement, shape (n_unknowns,).
+    gradients
+        `function_gradients` of the basis, if they are known.
 
     Returns
     -------
     ndarray
         Shape (d, 2, n_elements, n_points).
     """
-    element: Any = basis.elem
-    gradient, d = 0.0, element.dim
-    nodal = u[basis.element_dofs].reshape(-1, d, 1, basis.nelems, 1)
-    for of_node, (function, *_) in zip(nodal, basis.basis[::d], strict=True):
-        gradient = gradient + of_node * np.asarray(function.grad)[0]
-    return np.asarray(gradient)
+    dN = function_gradients(basis) if gradients is None else gradients
+    nodal = u[basis.element_dofs].reshape(len(dN), -1, basis.nelems)
+    return np.einsum("ain,ajnp->ijnp", nodal, dN)
 
 
 class MeanBasis(DisplacementBasis):
@@ -516,122 +515,6 @@ def _distinct(nodes: ndarray) -> tuple[ndarray, ndarray]:
     distinct = np.repeat(nodes[:1], which.max() + 1, axis=0)
     np.put_along_axis(distinct, which, nodes, axis=0)
     return distinct, which
-
-
-class CornerBasis(CellBasis):
-    """Basis of the displacement at one node of each of the given elements.
-
-    Each of the n nodes of an element has the weight A/n, where A is the area of the
-    element.
-
-    Parameters
-    ----------
-    basis
-        Basis of the displacement.
-    elements, corners
-        Numbers of the elements, which may repeat, and the local number of the node.
-    """
-
-    def __init__(self, basis: CellBasis, elements: ndarray, corners: ndarray) -> None:
-        element: Any = basis.elem
-        points = element.elem.doflocs.T
-        super().__init__(
-            basis.mesh,
-            basis.elem,
-            mapping=basis.mapping,
-            dofs=basis.dofs,
-            elements=elements,
-            quadrature=(points[:, corners, None], np.ones(1)),
-            disable_doflocs=True,
-        )
-        area = basis.dx[elements].sum(axis=1, keepdims=True)
-        self.dx = area / points.shape[1]
-
-
-class Corners:
-    """Area ratio det F at the nodes of the elements of a basis.
-
-    det F = det(∂x/∂ξ) / det(∂X/∂ξ): at a corner the columns of ∂x/∂ξ are edges of the
-    element; computing them takes half the time of F.  In space the determinant is
-    replaced by the cross product of the columns: its length, negative at a node where
-    it opposes its mean over the element (`sided`).  The last result is cached, because
-    an iteration uses it several times.
-
-    Parameters
-    ----------
-    basis
-        Basis of the displacement.
-    """
-
-    def __init__(self, basis: CellBasis) -> None:
-        vector: Any = basis.elem
-        kind: Any = type(vector.elem)
-        self._edges, self._pairs = _edges_at_nodes(kind)
-        self._d = d = components(basis)
-        self._nodes = basis.element_dofs[::d] // d
-        self._X = np.ascontiguousarray(node_positions(basis).T)
-        reference = self._of_plane(self._X)
-        self._turn = np.sign(reference.sum(axis=0))
-        positive = reference * self._turn
-        self._reflex = positive <= _FLAT * positive.max(axis=0)
-        self._per_area = 1 / np.where(self._reflex, np.inf, reference)
-        self._last = np.empty(0), np.empty(0)
-
-    def area_ratio(self, u: ndarray) -> ndarray:
-        """Current area per reference area, det F, shape (n_points, n_elements).
-
-        Infinite at a corner that is flat or reflex in the reference configuration,
-        where det F is undefined.
-        """
-        last, ratio = self._last
-        if np.array_equal(last, u):
-            return ratio
-        moved = u.reshape(-1, self._d)
-        if self._d == 2:
-            ratio = self._of_plane(self._X + moved) * self._per_area
-        else:
-            vectors = self._vectors(moved)
-            normals = vectors.sum(axis=1, keepdims=True)
-            ratio = sided(vectors, normals) * np.abs(self._per_area)
-        ratio[self._reflex] = np.inf
-        self._last = u.copy(), ratio
-        return ratio
-
-    def normals(self, u: ndarray) -> ndarray:
-        """Normals of the elements in space, not normalised, shape (3, n_elements).
-
-        At rest all point to the same side of the ply.
-        """
-        return self._turn * self._vectors(u.reshape(-1, 3)).sum(axis=1)
-
-    def _of_plane(self, x: ndarray) -> ndarray:
-        """det(∂x/∂ξ) of positions (n_nodes, 2), shape (n_points, n_elements)."""
-        edges = self._edges @ x.view(complex)[self._nodes, 0]
-        det = np.empty((len(self._pairs), edges.shape[1]))
-        for i, (xi, eta) in enumerate(self._pairs):
-            det[i] = edges[xi].real * edges[eta].imag
-            det[i] -= edges[xi].imag * edges[eta].real
-        return det
-
-    def _vectors(self, moved: ndarray) -> ndarray:
-        """∂x/∂ξ × ∂x/∂η of displacements (n_nodes, 3), (3, n_points, n_elements)."""
-        x = np.pad(self._X, ((0, 0), (0, 1))) + moved
-        edges = [self._edges @ component[self._nodes] for component in x.T]
-        first, second = np.array(edges)[:, self._pairs].transpose(2, 0, 1, 3)
-        return cross(first, second)
-
-
-@cache
-def _edges_at_nodes(element: type[Element]) -> tuple[ndarray, ndarray]:
-    """Weights of the nodes in ∂x/∂ξ and ∂x/∂η at the nodes of an element.
-
-    Distinct weights, and the numbers of both at each node.
-    """
-    scalar: Any = element()
-    dN = [scalar.lbasis(scalar.doflocs.T, i)[1] for i in range(len(scalar.doflocs))]
-    tangents = np.array(dN).transpose(2, 1, 0).reshape(-1, len(dN))
-    edges, edge_of = np.unique(tangents, axis=0, return_inverse=True)
-    return edges, edge_of.reshape(-1, 2)
 
 
 def sided(vectors: ndarray, normals: ndarray) -> ndarray:

@@ -5,7 +5,6 @@ one block, below the diagonal.  Zero entries are kept.
 """
 
 from collections.abc import Iterable, Sequence
-from copy import copy
 from functools import cached_property
 from itertools import combinations_with_replacement
 from typing import Any, NamedTuple
@@ -226,8 +225,8 @@ def with_data(pattern: Any, data: ndarray) -> Any:
 
     The constructors of SciPy check the indices, which takes longer than a product.
     """
-    matrix = copy(pattern)
-    matrix.data = data
+    matrix = object.__new__(type(pattern))
+    vars(matrix).update(vars(pattern), data=data)
     return matrix
 
 

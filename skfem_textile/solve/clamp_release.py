@@ -89,7 +89,8 @@ def with_energy_lost(found: Any, start: Evaluation, last: State) -> PlyParameter
     """Parameters after clamps let go, with the energy lost.
 
     It is the decrease of the elastic energy, and the work of the loads, less the work
-    of friction on tools; equal parts are attributed to the clamps.
+    spent on friction with tools; equal parts are attributed to the clamps.  A ply that
+    lets go gains none: a negative result beyond round-off is a warning of the trial.
 
     Parameters
     ----------
@@ -99,13 +100,17 @@ def with_energy_lost(found: Any, start: Evaluation, last: State) -> PlyParameter
         Evaluation of the last state without the clamps, and this state.
     """
     problem, p = found.problem, found.parameters
-    loads, t = _loads(problem), problem.load_factor
+    loads, names = _loads(problem), problem.let_go(last.parameters, p)
     _, before = problem.energies(start.u, p)
     work = sum(before[name] - found.potentials[name] for name in loads)
-    rubbed = problem.ply.energy_lost(found.u, t, p)
-    work -= sum(rubbed[x.name] - last.energy_lost[x.name] for x in _rubbing(problem))
-    drop = sum(start.energies.values()) - sum(found.energies.values())
-    lost, names = max(work + drop, 0.0), problem.let_go(last.parameters, p)
+    work -= _spent_on_friction(problem, found.u, p)
+    work += _spent_on_friction(problem, last.u, last.parameters)
+    lost = work + sum(start.energies.values()) - sum(found.energies.values())
+    if lost < -found.tolerance * float(np.abs(found.u).sum()):
+        found.warnings["work"] = (
+            f"{message(names, p)}, with an energy lost by the ply of {lost:.3g} N·mm: "
+            "it cannot be negative: the mesh or the steps are too coarse for it"
+        )
     changed = {
         name: Values({**p[name], "work": p[name]["work"] + lost / len(names)})
         for name in names
@@ -119,8 +124,12 @@ def _loads(problem: Problem) -> list[str]:
     return [name for name in names if name not in {x.name for x in problem.contacts}]
 
 
-def _rubbing(problem: Problem) -> list[Any]:
-    return [x for x in problem.contacts if x.friction]
+def _spent_on_friction(problem: Problem, u: ndarray, p: PlyParameters) -> float:
+    """Work of sliding, and energy of elastic slips, on tools in N·mm."""
+    t, rubbing = problem.load_factor, problem.rubbing
+    lost = problem.ply.energy_lost(u, t, p)
+    stored = (x.friction.stored(u, t, p[x.name]) for x in rubbing)
+    return sum(lost[x.name] for x in rubbing) + sum(stored)
 
 
 def message(names: Sequence[str], parameters: PlyParameters) -> str:

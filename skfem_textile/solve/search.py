@@ -119,7 +119,7 @@ class EquilibriumSearch:
         for _ in range(_MOST_UPDATES):
             problem, u, p = found.problem, found.u, found.parameters
             balance = not found.tangent or balances(problem, u, found.f, p)
-            closed = active_set.is_closed(problem, u, p)
+            closed = not problem.contacts or active_set.is_closed(problem, u, p)
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
@@ -290,9 +290,8 @@ def _change_to_balance(trial: Trial, start: Evaluation) -> float:
 
 def _largest_force(trial: Trial) -> float:
     """Largest force of a condition or tool in N."""
-    problem, u, f, p = trial.problem, trial.u, trial.f, trial.parameters
-    of_tools = (force for force, _ in active_set.resultants(problem, u, p).values())
-    forces = *problem.forces(f).values(), *of_tools
+    of_tools = (force for force, _ in trial.resultants.values())
+    forces = *trial.problem.forces(trial.f).values(), *of_tools
     return max(float(np.linalg.norm(force)) for force in forces)
 
 

@@ -191,7 +191,7 @@ class LoadStepper:
         """Find out what moves, and check the tools."""
         problem = self.problem
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
-        problem.moves = moved or bool(contacts)
+        problem.moves = bool(moved or contacts)
         for check in dict.fromkeys(type(tool).check for tool in contacts):
             check(self.ply, moved)
 
@@ -592,7 +592,8 @@ class Run:
         """The state, and whether it is independent of the number of steps."""
         before = sum(state.linear_solves for state in self.states)
         state = found.state(self.problem.clock.solves - before)
-        return state, found.converged and not self._depends_on_steps(state)
+        resolved = not (self._depends_on_steps(state) or found.misses_sliding)
+        return state, found.converged and resolved
 
     def _jumps(self, state: State) -> bool:
         """True if the shear angle changes so much that a step may pass a limit load."""

@@ -1,7 +1,7 @@
 """Plies that slide on tools, with exact forces where they are known."""
 
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -28,8 +28,9 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.contact import Compaction
-from skfem_textile.contact.holder import pressing
+from skfem_textile.contact import Compaction, pressing
+from skfem_textile.contact import holder as holders
+from skfem_textile.contact.outline import inside
 from skfem_textile.ply.parameters import NO_VALUES, Values
 
 from ..common.rivals.nodes import contact_at_nodes
@@ -66,7 +67,7 @@ class Belt:
         return f"belt, μ {self.friction:g}, {self.wrap}°, {self.elements} elements"
 
     def rows(self) -> list[Row]:
-        """Tension over the exact tension of a polygon with the same corners."""
+        """Tension over the one of a polygon with the same corners, and its product."""
         mu, wrap = self.friction, np.radians(self.wrap)
         mesh = grid(_DRUM * wrap, _BELT, self.elements, 1)
         drum = Tool(
@@ -97,13 +98,17 @@ class Belt:
         tension = ply.fibre_tension(state.u, state.parameters)[0].mean(axis=1)
         last = float(tension[ply.mesh.p[0, ply.mesh.t].mean(axis=0).argmax()])
         corners = ply.positions(state.u)[:, y < 1e-9]
-        exact = _FREE * _of_polygon(corners[:, np.argsort(angle[y < 1e-9])], mu)
+        corners = corners[:, np.argsort(angle[y < 1e-9])]
+        exact = _FREE * _of_polygon(corners, mu)
+        product = _FREE * _of_kinks(corners, mu)
         return [
             {
                 "case": str(self),
                 "force": last,
                 "exact": exact,
                 "off": last / exact - 1,
+                "product": product,
+                "off_product": last / product - 1,
                 "solves": state.linear_solves,
             }
         ]
@@ -124,6 +129,18 @@ def _of_polygon(x: ndarray, mu: float) -> float:
         tension *= float(-(before @ pulls) / (ahead @ pulls))
         before = -ahead
     return tension
+
+
+def _of_kinks(x: ndarray, mu: float) -> float:
+    """Product of (1 + μ tan δ/2)/(1 − μ tan δ/2) over the kinks δ of a polygon.
+
+    The first kink is between the pull of the free end and the first side.
+    """
+    sides = np.diff(x, axis=1)
+    sides = np.hstack([[[1.0], [0.0], [0.0]], sides / np.linalg.norm(sides, axis=0)])
+    kinks = np.arccos(np.clip((sides[:, 1:] * sides[:, :-1]).sum(axis=0), -1, 1))
+    grip = mu * np.tan(0.5 * kinks)
+    return float(np.prod((1 + grip) / (1 - grip)))
 
 
 # Strip between plates: length and width in mm, fibre stiffness in N/mm, coefficients of
@@ -257,6 +274,54 @@ class Wedge:
         ]
 
 
+# Side of the square ply on a turning plate in mm, its coefficient of friction, and the
+# angle of the plate in radians.
+_TURNED, _RUBBING, _ANGLE = 20.0, 0.3, 2.0
+
+
+@dataclass(frozen=True)
+class Turning:
+    """Plate that turns under a ply, which is held in its plane, by steps."""
+
+    steps: int
+
+    def __str__(self) -> str:
+        return f"turning plate, {self.steps} steps"
+
+    def rows(self) -> list[Row]:
+        """Work of sliding over the bounds times the arcs, less the elastic slip."""
+        half, slip = 0.5 * _TURNED, 0.02
+        mesh = grid(_TURNED, _TURNED, 4, 4).translated((-half, -half))
+        rub: Any = {"side": 1, "friction": _RUBBING, "elastic_slip": slip}
+        plate = Tool(drape.Plane(), _turn, name="plate", **rub)
+        weight = Holder(drape.Plane(), pressure=0.01, side=1, name="weight")
+        ply = Ply(mesh, Fabric(_FIBRES, 1.0), terms=[plate, weight], dimension=3)
+        held = {"held": Condition(lambda X: X[0] == X[0], (0.0, 0.0, None))}
+        stepper = LoadStepper(ply, held, self.steps, warn_only=("work", *_COARSE))
+        result = stepper.run()
+        bound = result.states[-1].parameters["plate"]["bound"]
+        radius = np.linalg.norm(ply.nodes, axis=0)
+        exact = float(bound @ np.maximum(_ANGLE * radius - slip, 0.0))
+        work = float(lost(result)[-1])
+        told = (state.warnings.get("work", "") for state in result.states)
+        return [
+            {
+                "case": str(self),
+                "steps": self.steps,
+                "work": work,
+                "exact": exact,
+                "off": work / exact - 1,
+                "warned": any("turns within the step" in text for text in told),
+                "resolved": result.path_resolved,
+            }
+        ]
+
+
+def _turn(t: float) -> tuple[ndarray, ndarray]:
+    c, s = np.cos(_ANGLE * t), np.sin(_ANGLE * t)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3)
+
+
 # Side of the square ply under a rigid holder in mm; its thickness in mm, pressure in
 # N/mm² and exponent of the power law of compaction.
 _SIDE, _THICKNESS, _STIFF, _EXPONENT = 20.0, 0.3, 1e-3, 8.0
@@ -331,6 +396,9 @@ class Hemisphere:
         Elastic slip in mm.
     at_nodes
         True for contact at the nodes, instead of the contact points of macro-elements.
+    whole_areas
+        True for a holder that presses on the whole area of nodes within its outline,
+        instead of the part of each element there.
     """
 
     parts: int
@@ -338,9 +406,11 @@ class Hemisphere:
     friction: float = 0.2
     slip: float = 0.02
     at_nodes: bool = False
+    whole_areas: bool = False
 
     def __str__(self) -> str:
         where = ", contact at the nodes" if self.at_nodes else ""
+        where += ", whole nodal areas" if self.whole_areas else ""
         return (
             f"hemisphere, {self.parts} parts, {self.steps} steps, μ {self.friction:g}, "
             f"slip {self.slip:g}{where}"
@@ -384,8 +454,8 @@ class Hemisphere:
 
     def rows(self) -> list[Row]:
         """Force, largest angle, draw-in, work of sliding and balance of energy."""
-        stepper = self.stepper()
-        result = stepper.run()
+        with whole_nodal_areas() if self.whole_areas else nullcontext():
+            result = self.stepper().run()
         ply, state = result.ply, result.states[-1]
         x, X = ply.positions(state.u), ply.nodes
         side = np.flatnonzero((X[0] > _HALF - 1e-9) & (X[1] < 1e-9))[0]
@@ -411,8 +481,31 @@ class Hemisphere:
                 "of_stabilisation": stabilised / work,
                 "solves": result.linear_solves,
                 "resolved": result.path_resolved,
+                "parts": self.parts,
+                "steps": self.steps,
+                "mu": self.friction,
+                "slip": self.slip,
+                "at_nodes": self.at_nodes,
             }
         ]
+
+
+@contextmanager
+def whole_nodal_areas() -> Iterator[None]:
+    """Holders press on the whole area of each node within their outline."""
+    kind: Any = holders._Pressed
+    before = kind._areas
+
+    def whole(self: Any, u: ndarray, t: float) -> tuple[ndarray, ndarray]:
+        x = self._points.positions(u)
+        areas = self._summed(self._integrals) * inside(self._outline, x[:2])
+        return areas, np.ones(x.shape[1])
+
+    kind._areas = whole
+    try:
+        yield
+    finally:
+        kind._areas = before
 
 
 def work_of(result: Result, name: str) -> float:
@@ -464,19 +557,29 @@ def _of_slips(term: Any, state: State, slip: float) -> float:
     return 0.5 * slip * float((squares[under] / p["bound"][under]).sum())
 
 
+# Elements across the hemisphere, and steps.
+_RESOLUTIONS = (12, 10), (12, 20), (12, 40), (24, 10), (24, 20), (48, 20)
+
+# Angles of contact of belts in degrees, and elements along them.
+_BELTS = (30, 30), (30, 240), (90, 30), (90, 60), (180, 30), (180, 60), (180, 240)
+
+
 def problems() -> Iterator[Any]:
     """Every problem with an exact force, and the hemisphere."""
     for mu in (0.1, 0.2, 0.3, 0.4):
-        for wrap, elements in ((30, 30), (90, 60), (180, 240)):
+        for wrap, elements in _BELTS:
             yield Belt(mu, wrap, elements)
     yield from (Strip(0, 1), Strip(0, 20), Strip(2, 40), Strip(2, 80))
     yield from (Strip(2, 80, 0.1), Strip(0, 20, 0.1))
     yield from (Compacted(10.0, 0.0), Compacted(10.0, 30.0), Compacted(400.0, 30.0))
     for slope in (1.0, 0.5, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1):
         yield Wedge(slope)
-    for parts, steps in ((12, 10), (12, 20), (12, 40), (24, 10), (24, 20), (48, 20)):
+    yield from map(Turning, (1, 2, 4, 5, 8, 16))
+    for parts, steps in _RESOLUTIONS:
         yield Hemisphere(parts, steps)
-    yield from (Hemisphere(24, 20, 0.2, 0.1), Hemisphere(24, 20, 0.2, 0.005))
-    for parts in (12, 24, 48):
-        yield Hemisphere(parts, 20, 0.0)
-    yield Hemisphere(24, 10, at_nodes=True)
+    yield from (Hemisphere(24, 20, 0.2, slip) for slip in (0.1, 0.005, 0.001))
+    for parts, steps in _RESOLUTIONS:
+        yield Hemisphere(parts, steps, 0.0)
+    for parts, steps in _RESOLUTIONS[:-1]:
+        yield Hemisphere(parts, steps, at_nodes=True)
+        yield Hemisphere(parts, steps, at_nodes=True, whole_areas=True)

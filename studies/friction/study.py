@@ -4,13 +4,16 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from ..common.tables import markdown_table
+from ..common.tables import markdown_table, table
 from ..study import Part, Row, Study
 from . import extremes
 from .problems import problems
 
 # Further results that are exact.
 _FURTHER = "work", "area", "distance"
+
+# Elastic slip in mm and coefficient of the hemispheres whose energies are balanced.
+_SLIP, _RUBS = 0.02, 0.2
 
 
 def exact(rows: list[Row]) -> str:
@@ -37,6 +40,45 @@ def exact(rows: list[Row]) -> str:
 
 def _difference(x: float | None) -> str:
     return "" if x is None else f"{x:.1e}"
+
+
+def belts(rows: list[Row]) -> str:
+    """Tensions of belts against exact ones of polygons."""
+    columns = {"belt": "{belt}", "tension in N/mm": "{force:.5f}"}
+    columns |= {"of the polygon": "{exact:.5f}", "difference": "{off:.1e}"}
+    columns |= {
+        "by its kinks": "{product:.5f}",
+        "difference from it": "{off_product:.2e}",
+    }
+    known = [{**row, "belt": row["case"].removeprefix("belt, ")} for row in rows]
+    return table(known, {**columns, "solves": "{solves}"})
+
+
+def balances(rows: list[Row]) -> str:
+    """Balances of the energy of hemispheres with friction, and without."""
+    pairs: dict[tuple[int, int], dict[float, float]] = {}
+    for row in rows:
+        if row["slip"] == _SLIP and not row["at_nodes"]:
+            pair = pairs.setdefault((row["parts"], row["steps"]), {})
+            pair[row["mu"]] = row["balance"]
+    return markdown_table(
+        ["parts", "steps", "with friction", "without", "more with friction"],
+        [
+            [*at, f"{100 * rubbed:.2f} %", f"{100 * free:.2f} %", f"{more:.2f} %"]
+            for at, (rubbed, free) in (
+                (at, (pair[_RUBS], pair[0.0])) for at, pair in pairs.items()
+            )
+            for more in [100 * (abs(rubbed) - abs(free))]
+        ],
+    )
+
+
+def turning(rows: list[Row]) -> str:
+    """Work of a plate that turns by 2 rad, by the number of steps."""
+    columns = {"steps": "{steps}", "work of sliding in N·mm": "{work:.3f}"}
+    columns |= {"exact": "{exact:.3f}", "difference": "{off:.1%}"}
+    known = [{**row, "told": "yes" if row["warned"] else "no"} for row in rows]
+    return table(known, {**columns, "warning": "{told}"})
 
 
 def hemispheres(rows: list[Row]) -> str:
@@ -74,10 +116,14 @@ class Friction(Study[Any]):
         Part(
             "exact.csv",
             {"exact.md": exact},
-            cases=("belt, *", "strip, *", "rigid holder, *", "wedge, *"),
+            cases=("strip, *", "rigid holder, *", "wedge, *"),
         ),
+        Part("belts.csv", {"belts.md": belts}, cases=("belt, *",)),
+        Part("turning.csv", {"turning.md": turning}, cases=("turning plate, *",)),
         Part(
-            "hemispheres.csv", {"hemispheres.md": hemispheres}, cases=("hemisphere*",)
+            "hemispheres.csv",
+            {"hemispheres.md": hemispheres, "balances.md": balances},
+            cases=("hemisphere*",),
         ),
         Part(
             "random.csv",

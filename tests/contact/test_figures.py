@@ -22,6 +22,8 @@ from skfem_textile import (
     drape,
 )
 from skfem_textile.contact import (
+    Phase,
+    Process,
     areal_weight,
     contacts,
     draw_in,
@@ -243,6 +245,31 @@ def test_forces_of_tools_that_return_are_along_their_longest_travel():
     result = replace(result, states=states)
     assert travels(result)["wall"].tolist() == [0.0, 1.0, 0.0]
     assert tool_forces(result)["wall"] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("axis", "phases", "travel", "units"),
+    [
+        ((0, 0, 1), [("rotation", 1.2), ("motion", (0, 0, 0))], [0, 0, 0], ["°"]),
+        ((0, 1, 0), [("motion", (0, 0, 4)), ("rotation", 1.2)], [0, 4, 4], ["mm", "°"]),
+    ],
+    ids=["disc", "drum"],
+)
+def test_the_travel_of_a_tool_that_turns_is_that_of_its_axis(
+    axis, phases, travel, units
+):
+    """So is the direction of the forces; z if no axis moves."""
+    tool = Tool(drape.Plane((0, 0, -1.0)), side=1, name="disc")
+    every = [Phase(name, 1, {"disc": {name: end}}) for name, end in phases]
+    (turning,) = Process(every, [tool], {"disc": (axis, (60, 0, 0))}).tools
+    ply = square(terms=[turning], n=1)
+    result = result_of(ply, ply.basis.zeros())
+    pressed = replace(result.states[0], reactions={"disc": np.array([5.0, 0.0, 4.0])})
+    states = [replace(pressed, load_factor=t) for t in (0.0, 0.5, 1.0)]
+    result = replace(result, states=states)
+    assert travels(result)["disc"] == pytest.approx(travel, abs=1e-12)
+    assert tool_forces(result)["disc"] == pytest.approx(4.0)
+    assert [motion.unit for motion in result.tool_motions(1.0)] == units
 
 
 def test_a_ply_without_tools_has_no_tool_forces():

@@ -33,6 +33,7 @@ from skfem_textile.contact import (
     tool_history,
 )
 from skfem_textile.contact.compaction import RigidHolder
+from skfem_textile.contact.friction import Friction
 from skfem_textile.ply.parameters import Values
 
 PLANE = drape.Plane((0.0, 0.0, 0.0))
@@ -137,6 +138,13 @@ def test_a_strip_between_two_plates_is_pulled_by_the_friction_of_both(steps):
     assert "without friction only" in result.error.reason
 
 
+def test_potentials_of_tools_are_independent_of_the_number_of_steps():
+    """They do not contain the potential of friction, which belongs to a step."""
+    for steps in (1, 3):
+        potentials = between_plates(2.0, 0, steps).states[-1].potentials
+        assert potentials == pytest.approx({"plate": 0.0, "holder": 0.0}, abs=1e-9)
+
+
 def test_the_work_of_sliding_is_that_of_the_pull_less_what_is_elastic():
     """The bound times the path, less the elastic slip and stretch of the strip."""
     result = between_plates(2.0, 0, 3)
@@ -156,6 +164,7 @@ def test_a_loop_dissipates_its_area():
     # From rest to the amplitude, back to the other one, and to the middle: the start
     # costs the elastic slip once, each return twice.
     assert work == pytest.approx(BOUND * (8.0 - 5 * elastic), rel=1e-3)
+    assert result.linear_solves <= 32  # 36 without predicted forces in the tangent
 
 
 def test_a_strip_slips_elastically_below_its_bound():
@@ -228,15 +237,15 @@ def test_a_rigid_holder_presses_on_quadratic_triangles(law):
 def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
     law = Compaction(0.3, 1e-3, 8.0)
     areas, weight = np.array([3.0, 2.0, 0.0]), np.array([1.0, 1.2, 1.0])
-    pressures, distance = RigidHolder(lambda t: 5.0 * t, law).pressed(
+    pressures, distance = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(
         1.0, areas, weight
     )
     expected = law.pressure_at(distance / weight)
     assert pressures[:2] == pytest.approx(expected[:2], rel=1e-9)
     assert pressures[2] == 0.0
-    none = RigidHolder(lambda t: 5.0 * t, law).pressed(1e-20, areas, weight)
+    none = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(1e-20, areas, weight)
     assert not none.pressures.any()  # a force of round-off
-    none = RigidHolder(lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
+    none = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
     assert none.distance == pytest.approx(0.36)
     assert not none.pressures.any()
 
@@ -299,12 +308,26 @@ class Saturating:
 def test_a_large_force_has_a_thickness_or_the_law_is_refused():
     areas, force = np.array([100.0, 100.0]), 1e6
     measured = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03))
-    found = RigidHolder(lambda t: force, measured).pressed(1.0, areas, np.ones(2))
+    found = RigidHolder("holder", lambda t: force, measured).pressed(
+        1.0, areas, np.ones(2)
+    )
     assert 0 < found.distance < 1e-3
     expected = pytest.approx(force / 200.0, rel=1e-9)
     assert measured.pressure_at(found.distance) == expected
-    with pytest.raises(ValueError, match="carries less than the force 1e\\+06 N"):
-        RigidHolder(lambda t: force, Saturating()).pressed(1.0, areas, np.ones(2))
+    saturating = RigidHolder("holder 'ring'", lambda t: force, Saturating())
+    with pytest.raises(ValueError, match=r"^holder 'ring': .* than the force 1e"):
+        saturating.pressed(1.0, areas, np.ones(2))
+
+
+@pytest.mark.parametrize("last", [(0.010, 0.0101), (0.010, 0.02)])
+def test_a_measured_law_rises_beyond_its_last_point(last):
+    """Also one that flattens towards it, whose curve ends level."""
+    law = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, *last))
+    p = law.pressure_at(np.array([0.2, 0.19, 0.1]))
+    ratio = (1 / 0.1 - 1 / 0.2) / (1 / 0.19 - 1 / 0.2)
+    assert p[0] == pytest.approx(last[1])
+    assert p[1] > p[0] + 1e-5
+    assert p[2] - p[0] == pytest.approx(ratio * (p[1] - p[0]))  # linear in 1/t
 
 
 # A hemisphere
@@ -391,6 +414,78 @@ def test_a_disc_that_turns_pulls_the_ply_around_with_its_bound_at_each_radius():
     assert -torque == pytest.approx(p["bound"] @ np.hypot(x[0], x[1]), rel=1e-3)
 
 
+# Motions that turn within a step
+
+
+def turned(t):
+    c, s = np.cos(2 * t), np.sin(2 * t)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]), np.zeros(3)
+
+
+def returned(t):
+    return 2 * (1 - abs(1 - 2 * t)), 0.0, 0.0
+
+
+def between(motion, steps, conditions=None):
+    """Square ply of 4 N between a weight and a plate, or conditions, that move."""
+    mesh = grid(20.0, 20.0, 1, 1).translated((-10.0, -10.0)).with_defaults()
+    plate = Tool(PLANE, motion=motion, side=1, friction=0.3, name="plate")
+    weight = Holder(PLANE, pressure=0.01, side=1, name="weight")
+    ply = Ply(mesh, Fabric(1e5, 1e4), OnePoint(), [plate, weight], dimension=3)
+    held = conditions or {
+        name: Condition(name, (0, 0, None)) for name in ("left", "right")
+    }
+    checks = ("work", "stabilisation", "deviation")
+    return LoadStepper(ply, held, steps=steps, warn_only=checks).run()
+
+
+PULLED_BACK = {
+    "x": Condition("left", lambda X, t: returned(t)[0] + 0 * X[0], direction=(1, 0, 0)),
+    "y": Condition("left", (None, 0.0, None)),
+}
+
+
+@pytest.mark.parametrize(
+    ("case", "steps", "missed"),
+    [
+        ((turned,), 1, 16),  # 1 − sin(1)/1
+        ((turned,), 2, 4),
+        ((turned,), 8, 0),
+        ((returned,), 1, 100),
+        ((returned,), 3, 50),
+        ((returned,), 2, 0),
+        ((lambda t: (2 * t, 0, 0),), 1, 0),
+    ],
+)
+def test_a_motion_that_turns_within_a_step_is_a_warning(case, steps, missed):
+    """The path is then not resolved, although there is an equilibrium."""
+    result = between(*case, steps)
+    told = [x for x in result.warnings if "the motion turns within the step" in x]
+    assert result.path_resolved == (not missed)
+    assert len(told) == bool(missed)
+    assert not missed or f"step: {missed}% of the work of friction" in told[0]
+
+
+@pytest.mark.parametrize(("steps", "resolved"), [(1, False), (2, True), (3, False)])
+def test_supports_that_turn_back_within_a_step_are_a_warning(steps, resolved):
+    result = between(None, steps, PULLED_BACK)
+    assert result.path_resolved == resolved
+    told = any("the motion turns within the step" in x for x in result.warnings)
+    assert told != resolved
+
+
+def test_a_step_that_misses_the_work_of_friction_is_halved_on_request():
+    plate = Tool(PLANE, motion=returned, side=1, friction=0.3, name="plate")
+    weight = Holder(PLANE, pressure=0.01, side=1, name="weight")
+    terms = [plate, weight]
+    ply = Ply(grid(20.0, 20.0, 1, 1), Fabric(1e5, 1e4), OnePoint(), terms, dimension=3)
+    held = {name: Condition(name, (0, 0, None)) for name in ("left", "right")}
+    checks = ("stabilisation", "deviation")
+    result = LoadStepper(ply, held, steps=1, warn_only=checks).run()
+    assert [state.load_factor for state in result.states] == [0.0, 0.5, 1.0]
+    assert result.path_resolved
+
+
 # A wedge
 
 
@@ -474,6 +569,59 @@ def test_friction_is_the_derivative_of_its_energy_and_stays_below_its_bound(seed
     assert force.max() > 0
 
 
+@pytest.mark.parametrize("kind", [Tool, Holder])
+def test_points_on_planes_of_symmetry_rub_along_the_planes(kind):
+    """Forces there do not depend on motions off the planes, nor does the tangent."""
+    rng, amount = np.random.default_rng(5), {Tool: {}, Holder: {"pressure": 0.1}}[kind]
+    tool = kind(PLANE, side=1, friction=0.3, elastic_slip=0.05, **amount)
+    ends = {"left": "mirror", "bottom": "mirror"}
+    mesh, fabric = grid(20.0, 20.0, 3, 3), Fabric(1e3, 1.0)
+    ply = Ply(mesh, fabric, terms=[tool], dimension=3, fibre_ends=ends)
+    term, n = ply.terms[-1], ply.nodes.shape[1]
+    values = dict(term.parameters.at_rest())
+    if "force" in values:
+        values |= {"force": rng.uniform(1, 2, n), "stiffness": np.full(n, 50.0)}
+    u, d = rng.normal(0, 0.01, (2, ply.basis.N))
+    p = term.parameters.updated(Values(values), u, 0.7)
+    h = 1e-5
+    ends = [term.residual(u + s * h * d, 0.7, p).reshape(-1, 3).T for s in (1, -1)]
+    numerical = (ends[0] - ends[1]) / (2 * h)
+    found = (term.tangent(u, 0.7, p) @ d).reshape(-1, 3).T
+    off = numerical - found
+    off[0, ply.nodes[0] == 0] = off[1, ply.nodes[1] == 0] = 0  # held there
+    assert np.abs(off).max() < 1e-5 * np.abs(found).max()
+
+
+def test_normals_are_in_the_axes_of_a_tool_that_turns_about_an_axis_in_its_plane():
+    def tilted(t):
+        c, s = np.cos(t), np.sin(t)
+        return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]), np.zeros(3)
+
+    tool = Tool(PLANE, motion=tilted, side=1, friction=0.3)
+    ply = Ply(grid(9.0, 9.0, 2, 2), Fabric(1e3, 1.0), terms=[tool], dimension=3)
+    term = ply.terms[-1]
+    p = term.parameters.updated(term.parameters.at_rest(), ply.basis.zeros(), 0.7)
+    assert pytest.approx(np.tile([0.0, 0.0, 1.0], (25, 1))) == p["normal"].T
+
+
+def test_a_bound_that_falls_shortens_the_elastic_slip_of_the_last_state():
+    """A step sideways by ε turns the force by 45°; a bound of 0 has no force."""
+    place = np.eye(3), np.zeros(3)
+    friction = Friction(lambda t: 0.3, 0.05, lambda t: place, lambda u: u.reshape(3, 2))
+    p = Values(
+        {
+            "bound": np.array([0.5, 0.0]),
+            "normal": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]),
+            "shear": np.array([[2.0, 2.0], [0.0, 0.0], [0.0, 0.0]]),
+            "slips_from": np.zeros((3, 2)),
+        }
+    )
+    sideways = np.array([[0.0, 0.0], [0.05, 0.05], [0.0, 0.0]])
+    force = friction.forces(sideways.ravel(), 1.0, p)
+    assert force[0] == pytest.approx(np.array([0.5, 0.5, 0.0]) / np.sqrt(2))
+    assert not force[1].any()
+
+
 def test_without_friction_a_tool_has_no_further_parameters():
     _, term, _, p = moved_term(0, friction=0.0)
     assert term.friction is None
@@ -544,6 +692,30 @@ def test_friction_of_a_tool_that_touches_nothing_is_a_warning(caplog):
     assert result.ply.contradictions(early) == []
 
 
+def lidded(height, **motion):
+    """Stepper of a ply that a punch pushes by 4 mm, below a lid with friction."""
+    punch = Tool(drape.Sphere(30.0, (0, 0, -30)), (0, 0, 4.0), name="punch")
+    surface = drape.Plane((0, 0, height))
+    lid = Tool(surface, side=-1, friction=0.2, name="lid", **motion)
+    fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0))
+    ply = Ply(grid(50.0, 50.0, 4, 4), fabric, terms=[punch, lid], dimension=3)
+    return LoadStepper(ply, {"edge": Condition("right", (0.1, 0.0, 0.0))}, steps=1)
+
+
+def test_friction_out_of_reach_is_a_warning_before_the_run(caplog):
+    lidded(5.0)
+    assert (
+        "friction of tool 'lid' may have no effect: it stays 5 mm away from the "
+        "undeformed ply, and supports and other tools move by 4.1 mm" in caplog.text
+    )
+
+
+@pytest.mark.parametrize(("height", "down"), [(4.0, 0.0), (5.0, -1.0)])
+def test_there_is_no_such_warning_of_a_tool_that_may_be_reached(height, down, caplog):
+    lidded(height, motion=(0, 0, down))
+    assert "friction" not in caplog.text
+
+
 def test_a_holder_with_a_force_stands_at_its_distance():
     """One with a prescribed pressure has no position."""
     law = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03))
@@ -570,6 +742,40 @@ def test_a_force_beyond_the_last_measured_point_is_a_warning(force, beyond):
         "compaction ends at 0.2 mm and is extrapolated"
     )
     assert [x for x in result.warnings if "compaction" in x] == [expected] * beyond
+
+
+@pytest.mark.parametrize(("slip", "warned"), [(0.5, False), (2.0, True)])
+def test_an_elastic_slip_of_the_size_of_elements_is_a_warning(slip, warned):
+    holder = Holder(PLANE, pressure=0.1, side=1, friction=0.3, elastic_slip=slip)
+    ply = Ply(grid(50.0, 10.0, 2, 1), Fabric(1e3, 1.0), terms=[holder], dimension=3)
+    state = SimpleNamespace(
+        u=ply.basis.zeros(), load_factor=1.0, parameters=ply.parameters_at_rest
+    )
+    expected = (
+        "friction of tool 'holder' is elastic up to a slip of 2 mm, its elastic_slip, "
+        f"over 5% of the size of an element, {ply.mesh.param():.3g} mm: it restrains "
+        "the ply too little: use 0.02 to 0.1 mm"
+    )
+    assert ply.contradictions([state]) == [expected] * warned
+
+
+def test_a_force_without_a_ply_under_the_holder_is_a_warning():
+    law, ring = Compaction(0.3, 1e-3, 8.0), [[30, 51, 51, 30], [-1, -1, 11, 11]]
+    holder = Holder(PLANE, force=5.0, compaction=law, side=1, outline=ring)
+    ply = Ply(grid(50.0, 10.0, 5, 1), Fabric(1e3, 1.0), terms=[holder], dimension=3)
+    states = []
+    for t, pulled in (0.5, 10.0), (1.0, 25.0):
+        u = np.tile([-pulled, 0.0, 0.0], ply.nodes.shape[1])
+        values = ply.terms[-1].parameters.updated(Values({}), u, t)
+        parameters = {"holder": values}
+        states.append(SimpleNamespace(u=u, load_factor=t, parameters=parameters))
+    expected = (
+        "force of tool 'holder', 5 N, does not act at load factor 1, because no part "
+        "of the ply is under it: its outline must cover a part of the ply while it "
+        "presses"
+    )
+    assert ply.contradictions(states[:1]) == []
+    assert ply.contradictions(states) == [expected]
 
 
 @pytest.mark.parametrize(("outline", "lift"), [(False, 9.0), (True, 9.0), (False, 2.0)])

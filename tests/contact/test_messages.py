@@ -133,7 +133,7 @@ def test_invalid_laws_of_compaction(make, message):
         ),
         (
             lambda: Holder(drape.Plane(), force=1.0, side=1),
-            "'holder': its force makes it a holder, which .*: set compaction, or,",
+            "holder 'holder': a force requires a law of compaction .*: set comp",
         ),
         (
             lambda: Holder(drape.Plane(), pressure=1.0, compaction=LAW, side=1),
@@ -181,7 +181,7 @@ def test_invalid_laws_of_compaction(make, message):
                 Law(lambda t: 1e-3 * np.maximum(1 - t / 0.3, 0.0)),
                 side=1,
             ),
-            "compaction: the law carries less than the force 100 N",
+            "^holder 'holder': its law of compaction carries less than the force 100 N",
         ),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
         (lambda: Holder(drape.Plane(), gap=True, side=1), "at least 0 mm, got True"),
@@ -290,11 +290,14 @@ def test_a_bad_position_of_a_file_is_named(tmp_path):
             "tool_2.surface is 'dice': expected one of",
         ),
         ([{"surface": "sphere", "radius_mm": 3}], "tool_1.centre_mm is missing"),
-        ([{**PUNCH, "motion_mm": [1, 2]}], "tool_1.motion_mm must be three numbers"),
-        ([{**PUNCH, "motion_axis": [1, 0, 0]}], "tool_1: .* require motion_deg"),
+        (
+            [{**PUNCH, "motion_mm": [1, 2]}],
+            "tools.punch.motion_mm must be three numbers",
+        ),
+        ([{**PUNCH, "motion_axis": [1, 0, 0]}], "tools.punch: .* require motion_deg"),
         (
             [{**PUNCH, "motion_deg": 5, "motion_axis": [0, 0, 0]}],
-            "tool_1: motion_axis must not be zero",
+            "tools.punch: motion_axis must not be zero",
         ),
         ([{**PUNCH, "motion_mm": [0, [1, 0, 0, 0]]}], "both rows and numbers"),
         ([{**PUNCH, "motion_mm": [[0.5, 0, 0, 0], [1, 0, 0, 1]]}], "from 0 to 1"),

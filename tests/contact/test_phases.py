@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -84,6 +85,27 @@ def test_an_amount_follows_the_travel_of_a_tool():
     holder = Process(phases, [tools()[0], holder]).tools[1]
     found = [holder.force(t) for t in (0, 0.25, 0.5, 2 / 3, 5 / 6, 1)]
     assert found == pytest.approx([0, 2.5, 5, 12.5, 20, 20])
+
+
+def test_an_amount_follows_the_travel_of_the_axis_of_a_tool():
+    turned = {"punch": {"motion": (0, 0, 5), "rotation": 1.2}}
+    gap = OverTravel("punch", [[0, 3.0], [5, 1.0]])
+    phases = [Phase("punch", 1, turned | {"holder": {"gap": gap}})]
+    holder = Process(phases, tools(), {"punch": ((0, 1, 0), (9, 0, 0))}).tools[2]
+    assert holder.gap(0.5) == pytest.approx(2.0)
+
+
+def test_rows_of_a_travel_turn_back_where_a_step_of_their_phase_ends():
+    """The steps of the second phase end at travels of 9 and 12 mm."""
+
+    def phases(turn):
+        friction = OverTravel("punch", [[6, 0.0], [turn, 0.4], [12, 0.1]])
+        rubs = {"punch": {"motion": (0, 0, 12)}, "die": {"friction": friction}}
+        return [PUNCH, Phase("rub", 2, rubs)]
+
+    die = Process(phases(9), tools()).tools[1]
+    assert die.friction(0.75) == pytest.approx(0.4)
+    refused("turns back at the travel 8 mm, within one of 2 steps", phases(8))
 
 
 def test_a_tool_turns_about_its_axis():
@@ -232,6 +254,18 @@ def holding(**amounts):
     return Phase("hold", 1, {"holder": amounts})
 
 
+def test_tools_that_are_not_the_tools_of_the_process_are_refused():
+    """Of a ply that is built with the tools before the process, none moves."""
+    process = Process([CLOSE, PUNCH], tools())
+    own, other = (
+        SimpleNamespace(ply=blank(terms=x), states=[SimpleNamespace(load_factor=1.0)])
+        for x in (process.tools, tools())
+    )
+    assert process.at_ends(own) == [0]
+    with pytest.raises(ValueError, match="'punch' of the ply is not the one of the"):
+        process.at_ends(other)
+
+
 @pytest.mark.parametrize(
     ("message", "phases"),
     [
@@ -283,6 +317,10 @@ def holding(**amounts):
         (
             r"no tool \['punch'\] whose travel is known",
             [holding(gap=OverTravel(["punch"], [[0, 3], [2, 3]]))],
+        ),
+        (
+            "gap of 'holder' follows the travel of 'die', which does not move",
+            [holding(gap=OverTravel("die", [[0, 3], [2, 3]]))],
         ),
         (
             "motion of 'punch' does not follow the travel of a tool",

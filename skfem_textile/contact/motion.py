@@ -1,0 +1,61 @@
+"""Motions of tools."""
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from ..mesh.user_input import call_user_function, real_numbers
+from .outline import ROUND_OFF
+
+#: Translation in mm that is reached in proportion to the load factor, or a function of
+#: the load factor that returns the translation, or a rotation matrix and it.
+Motion: TypeAlias = ArrayLike | Callable[[float], Any]
+
+
+def placement(tool: str, motion: Motion | None, t: float) -> tuple[ndarray, ndarray]:
+    """Rotation matrix and translation of a motion at a load factor.
+
+    Raises
+    ------
+    ValueError
+        If the motion returns something else; the message names the tool.
+    """
+    what = f"{tool}: motion"
+    if motion is None:
+        return np.eye(3), np.zeros(3)
+    moved: Any = motion
+    if callable(motion):
+        moved = call_user_function(what, motion, t)
+    pair = isinstance(moved, tuple | list) and len(moved) == 2
+    rotation, translation = moved if pair else (np.eye(3), moved)
+    rotation = real_numbers(what, rotation)
+    translation = real_numbers(what, translation)
+    known = translation.shape == (3,) and rotation.shape == (3, 3)
+    if not known or (pair and not callable(motion)):
+        raise ValueError(
+            f"{what} must be a final translation of three components, or a "
+            "function of the load factor that returns a translation, or a rotation "
+            f"matrix and a translation, got {' '.join(repr(moved).split())}"
+        )
+    if not callable(motion):
+        translation = t * translation
+    if not np.isfinite(translation).all():
+        raise ValueError(f"{what} is not finite at load factor {t:g}")
+    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
+        raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")
+    return rotation, translation
+
+
+def travelled(tool: str, motion: Motion | None, t: float) -> ndarray:
+    """Translation from the initial position in mm, shape (3,).
+
+    A motion about an axis has the translation of the axis, see `AboutAxis`; a function
+    that returns matrices the one that it returns, of the point at the origin.
+    """
+    motion = getattr(motion, "translation", motion)
+    (_, first), (_, now) = (placement(tool, motion, x) for x in (0.0, t))
+    return now - first
