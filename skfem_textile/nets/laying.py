@@ -51,8 +51,8 @@ class Status(IntEnum):
     SEAM = 6  # beyond a seam, in one of its spots, or depends on such a crossing
 
 
-#: Reasons that stop all crossings behind.
-_STOPS = (Status.FOLDED, Status.OFF, Status.BEHIND)
+#: True for reasons that stop all crossings behind, by their number.
+_STOPS = np.isin(list(Status), (Status.FOLDED, Status.OFF, Status.BEHIND))
 
 #: Signs of the quadrants of a net along warp and weft.
 QUADRANTS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
@@ -209,8 +209,8 @@ class _Front:
         new = _Diagonal.empty(len(self._rows), d + 1)
         new.status[:] = self._wanted(self._rows[:, None], i, d - i)
         stopped = np.zeros(new.on.shape, dtype=bool)
-        stopped[:, 1:] |= np.isin(a.status[:, 1:], _STOPS)
-        stopped[:, :-1] |= np.isin(b.status[:, :-1], _STOPS)
+        stopped[:, 1:] |= _STOPS[a.status[:, 1:]]
+        stopped[:, :-1] |= _STOPS[b.status[:, :-1]]
         new.status[(a.status == Status.SEAM) | (b.status == Status.SEAM)] = Status.SEAM
         has_a, has_b, has_c = (np.isfinite(of.x[0]) for of in (a, b, corner))
         open_ = (new.status == Status.LAID) & ~stopped
@@ -219,11 +219,10 @@ class _Front:
         weft = open_ & has_b & ~has_a & b.on
         new.status[new.status == Status.LAID] = Status.EDGE
         new.status[stopped] = Status.BEHIND
-        parts = [
-            (crosses, *self._crossing(crosses, a, b, corner)),
-            (warp, *self._straight(0, warp, a, a_0)),
-            (weft, *self._straight(1, weft, b, b_0)),
-        ]
+        parts = [(crosses, *self._crossing(crosses, a, b, corner))]
+        for family, at, of, of_0 in (0, warp, a, a_0), (1, weft, b, b_0):
+            if at.any():
+                parts.append((at, *self._straight(family, at, of, of_0)))
         self._lay(new, parts)
         return new
 
@@ -377,11 +376,10 @@ def _assembled(diagonals: list[_Diagonal]) -> tuple[ndarray, ndarray]:
         x[:, :, i, d - i] = of.x
         status[:, i, d - i] = of.status
     edge = status == Status.EDGE
-    for reasons, follows in (
-        ((Status.SEAM,), Status.SEAM),
-        (_STOPS, Status.BEHIND),
+    for behind, follows in (
+        (status == Status.SEAM, Status.SEAM),
+        (_STOPS[status], Status.BEHIND),
     ):
-        behind = np.isin(status, reasons)
         for axis in (1, 2):
             behind = np.logical_or.accumulate(behind, axis)
         status[behind & edge] = follows

@@ -17,7 +17,6 @@ from ..fabric.regions import fabric_of_regions, fabric_on
 from ..forms.form import directions
 from ..mesh.bases import components, node_positions
 from ..mesh.progress import shown
-from ..mesh.recovery import recovery
 from ..mesh.scikit_fem import FormExtraParams
 from ..mesh.selection import FibreEnd
 from ..mesh.splitting import at_nodes, hat_functions, original_elements, was_changed
@@ -323,6 +322,8 @@ class Ply(SumOfTerms):
 
         See `mesh.recovery.recovery`.
         """
+        from ..mesh.recovery import recovery  # not imported for plies in the plane
+
         return recovery(self.mesh)
 
     @cached_property

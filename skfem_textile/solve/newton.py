@@ -67,10 +67,11 @@ Update = Callable[[Iterate, Tangent], Iterate]
 # state.
 _IN_BALANCE = 1e-6
 
-# Residual relative to that sum below which such loads are balanced within an iteration,
-# and share of it below which they are balanced again.  Measured on four tools: 9 to 15
-# solves, without it 9 to 20, with 1e-5 10 to 19; up to 31 if they are balanced at each
-# tenth.
+# Residual, relative to the sum of all loads, below which self-balancing loads are
+# balanced within an iteration, and share of it below which they are balanced again.
+# Measured on four tools: 9 to 15 solves, without it 11 to 20, with 1e-5 10 to 19; up to
+# 31 if they are balanced at each tenth, because reactions at a residual differ from
+# those at equilibrium by a share of it.
 _BALANCED, _BALANCED_AGAIN = 1e-4, 1e-2
 
 #: Called with the number of an iteration, its residual and its tolerance, both in N.

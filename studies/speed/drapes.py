@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 
 from skfem_textile.drape import double_dome
 
-from ..common.tables import Row, scientific, table
+from ..common.tables import Row, having, scientific, span, table
 from .profile import write_hemisphere
 from .solving import Settings, compared, in_checkout, two_commits
 
@@ -59,6 +59,8 @@ def drapes(settings: Settings) -> Row:
             file = Path(folder, "tool.stl")
             write_tool(tool, file)
             for size, number in zip(_SIZES, _TURNS, strict=True):
+                if size**2 > settings.most:
+                    continue
                 arguments = str(file), str(size), json.dumps(ply)
                 turns = [
                     [in_checkout(x, _DRAPE, *arguments) for x in checkouts.values()]
@@ -88,6 +90,12 @@ def drapes_table(results: Row) -> str:
             ),
         },
     )
+
+
+def in_words(results: Row) -> dict[str, str]:
+    """Ratios of the times on the coarse mesh."""
+    rows = having(results["drapes"], size=_SIZES[0])
+    return {"drapes": span([row["before"] / row["after"] for row in rows], ".0f")}
 
 
 def write_tool(name: str, file: Path) -> None:

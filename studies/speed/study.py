@@ -319,6 +319,7 @@ _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
     "scaling": _scaling_in_words,
     "iterative": _iterative_in_words,
     "plain_forms": plain_forms.in_words,
+    "drapes": drapes.in_words,
 }
 
 
