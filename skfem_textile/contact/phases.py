@@ -16,7 +16,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import real_numbers, shortened
-from ..ply.amount import Limits, Part, Rows, ends_of_parts, refuse_places
+from ..ply.amount import SAME, Limits, Part, Rows, ends_of_parts, refuse_places
 from ..solve.continuation import LoadSteps, refuse_steps
 from ..solve.result import Result
 from .motion import travelled
@@ -81,9 +81,6 @@ _ROWS = list, tuple, ndarray
 
 # Of loads.
 _ANY = Limits()
-
-# Relative difference of two values that is round-off.
-_SAME = 1e-9
 
 
 class Process:
@@ -257,7 +254,7 @@ class Process:
             part = self._part(name, what, given, before, between)
             begins, ends = (np.ravel(part(t)) for t in between)
             jumps = name == "friction"
-            if not (jumps or np.allclose(begins, before, _SAME, _SAME)):
+            if not (jumps or np.allclose(begins, before, SAME, SAME)):
                 raise ValueError(
                     f"{what} begins with {_text(begins, limits)}, but {left} "
                     f"{_text(before, limits)}"
