@@ -397,9 +397,8 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
         of.refuse_keys_of_tools(furthest(file.phases, "punch"))
     tools = []
     for number, tool in enumerate(tables, 1):
-        what = numbered("tools", number)
-        stated = changed.get(tool.name or what, ())
-        tools.append(tool.build(what, scene.axes, stated))
+        name = tool.name or numbered("tools", number)
+        tools.append(tool.build(name, scene.axes, changed.get(name, ())))
     all_tools = *scene.tools, *tools
     if not (scene.driven or all_tools):
         raise ValueError(
@@ -407,16 +406,21 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
             "tools in [[tools]]"
         )
     for name in names:
+        if name == "*":
+            raise ValueError("a tool has the name '*', which selects all: rename it")
         if names.count(name) > 1:
             raise ValueError(
                 f"two tools have the name {printable(name)!r}: rename one of them"
             )
     if tools and not issubclass(of.declaration, Formed):
         scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
-    scene = replace(scene, driven=scene.driven or names[0])
     if file.phases:
         return in_phases(scene, file, tools)
-    return replace(scene, tools=all_tools)
+    if not tables:
+        return scene
+    from ..scenes.processes import with_tools
+
+    return with_tools(scene, all_tools)
 
 
 def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
-from meshio import ReadError
 from numpy import ndarray
 
 from ..mesh.progress import unlogged
@@ -229,8 +227,10 @@ def _described(folder: Path, summary: dict[str, Any]) -> tuple[Path, float]:
 
 def _displacement(file: Path) -> tuple[ndarray, ndarray]:
     """Nodes of the ply at rest and their displacements, shape (3, n)."""
+    import meshio  # of finished runs alone
+
     try:
         grid = meshio.vtu.read(file)
         return grid.points.T, np.transpose(grid.point_data["displacement"])
-    except (ReadError, SyntaxError, LookupError, ValueError, OSError) as error:
+    except (meshio.ReadError, SyntaxError, LookupError, ValueError, OSError) as error:
         raise ValueError(f"{printable(file)} cannot be read: {error}") from None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 from msgspec import Meta, field, structs
 
 from .tables import Table, about
-from .tools import Amount, in_radians
+from .tools import NumberOrRows, in_radians
 
 if TYPE_CHECKING:
     from ..contact import Holder, Phase, Tool
@@ -24,7 +24,7 @@ class RowsOfTravel(Table):
 
 
 #: A number, rows of the share of a phase and number, or rows of a travel.
-InPhase: TypeAlias = Amount | RowsOfTravel
+InPhase: TypeAlias = NumberOrRows | RowsOfTravel
 
 _SHARES = (
     "at the end of the phase, reached linearly; or rows of the share of the phase, 0 "
@@ -46,7 +46,7 @@ class ToolInPhase(Table):
         ),
     ] = None
     motion_deg: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(f"rotation about the axis of the tool, by default z, {_SHARES}"),
     ] = None
     gap_mm: Annotated[InPhase | None, about(f"gap of a holder, {_ROWS}")] = None
@@ -208,7 +208,8 @@ def _from_start(friction: InPhase | None) -> bool:
 
 def furthest(phases: Sequence[PhaseTable], tool: str) -> float | None:
     """The largest motion of a tool along z in mm, with its sign; None if not moved."""
-    moved = (phase.tools[tool].motion_mm for phase in phases if tool in phase.tools)
+    changes = (phase.of_each([tool]).tools.get(tool) for phase in phases)
+    moved = (change.motion_mm for change in changes if change)
     heights = [
         row[-1] if isinstance(row, tuple) else row
         for rows in moved

@@ -353,7 +353,7 @@ def numbered(array: str, number: int) -> str:
 
 def _named(array: str, number: int, table: Any) -> str:
     """Path of a table of an array by its name, or ``numbered``."""
-    name = table.get("name") if isinstance(table, dict) else None
+    name = table.get("name") if isinstance(table, Mapping) else None
     named = isinstance(name, str) and name
     return f"{array}.{printable(name)}" if named else numbered(array, number)
 
@@ -409,8 +409,9 @@ def _refuse_values(where: str, value: Any) -> None:
         for key, part in value.items():
             _refuse_values(f"{where}.{printable(key)}".lstrip("."), part)
     elif isinstance(value, list | tuple):
-        for part in value:
-            _refuse_values(where, part)
+        for number, part in enumerate(value, 1):
+            named = where in ARRAYS
+            _refuse_values(_named(where, number, part) if named else where, part)
 
 
 def _scene_of(table: Any) -> type[AnyScene]:

@@ -572,7 +572,8 @@ class Output(Table):
         str | None,
         about(
             "name of the phase at whose end summary, pictures and exported part "
-            "describe the ply (default: where the driven tool is furthest)"
+            "describe the ply (default: where the tool that travels farthest is "
+            "furthest)"
         ),
     ] = None
     test_curve: Annotated[

@@ -95,7 +95,7 @@ class CaseSweep:
         figures by name and unit, ``linear solves``, ``load factor``, ``reason`` and
         ``warnings``.  Figures describe the last state, at this load factor; between
         tools that in which a complete run is `Case.described`, for example before the
-        driven tool returns.  A run without a converged step has none.  ``reason`` is
+        punch returns.  A run without a converged step has none.  ``reason`` is
         empty for a run that applied the whole load.
     """
 
@@ -160,7 +160,10 @@ class CaseSweep:
     @property
     def drawn(self) -> tuple[dict[str, list[Any]], dict[str, ndarray], ndarray]:
         """Arguments of `plot.compared_runs`: values, `compared` figures, complete."""
-        values = {axis_of(key): [row[key] for row in self.rows] for key in self.vary}
+        values = {
+            axis_of(key): [_word(row[key], of_key) for row in self.rows]
+            for key, of_key in self.vary.items()
+        }
         figures = {
             name: np.array(
                 [
@@ -172,6 +175,17 @@ class CaseSweep:
         }
         complete = np.array([not row[REASON] for row in self.rows])
         return values, figures, complete
+
+
+# Most characters of a table, or rows, in a picture.
+_LONGEST = 16
+
+
+def _word(value: Any, values: Sequence[Any]) -> Any:
+    """Number or word for a value in a picture: its number if it is a table or rows."""
+    if isinstance(value, str) or len(str(value)) <= _LONGEST:
+        return value
+    return f"value {[*map(repr, values)].index(repr(value)) + 1}"
 
 
 def half_width_of(column: str) -> str:
@@ -450,10 +464,13 @@ def axis_of(key: str) -> str:
     ('Holder force (N)', 'Fibres (°)')
     >>> axis_of("phases.up.tools.punch.friction")
     'Punch friction in phase up'
+    >>> axis_of("phases.up.tools.holder.force_N")
+    'Holder force in phase up (N)'
     """
     if key.startswith("phases."):
         _, phase, inner = key.split(".", 2)
-        return f"{axis_of(inner)} in phase {phase}"
+        words, of, unit = axis_of(inner).partition(" (")
+        return f"{words} in phase {phase}{of}{unit}"
     words = key.removeprefix("scene.").removeprefix("tools.").replace("*.", "")
     end = next((end for end in _UNITS if words.endswith(end)), "")
     text = words.removesuffix(end).replace(".", " ").replace("_", " ")

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Vector: TypeAlias = tuple[float, float, float]
 
 #: A number, or rows of load factor and number.
-Amount: TypeAlias = float | tuple[tuple[float, float], ...]
+NumberOrRows: TypeAlias = float | tuple[tuple[float, float], ...]
 
 _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -63,7 +63,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         ),
     ] = _ORIGIN
     motion_deg: Annotated[
-        Amount,
+        NumberOrRows,
         about(
             "final rotation about an axis, in proportion to the load factor, "
             "counterclockwise if the axis points to the viewer, before the "
@@ -92,7 +92,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         ),
     ] = None
     friction: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(f"coefficient of Coulomb friction with the ply; or {_ROWS} (default: 0)"),
     ] = None
     elastic_slip_mm: Annotated[
@@ -102,17 +102,17 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         ),
     ] = None
     gap_mm: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(
             f"for a holder: largest distance of the ply from the surface; or {_ROWS}"
         ),
     ] = None
     pressure_N_per_mm2: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(f"for a holder: pressure towards the surface; or {_ROWS}"),
     ] = None
     force_N: Annotated[
-        Amount | None,
+        NumberOrRows | None,
         about(
             "for a rigid holder: force on the computed part of the ply towards the "
             f"surface; or {_ROWS}"
@@ -124,14 +124,14 @@ class ToolTable(DeclaredTable, tag_field="surface"):
     ] = None
 
     def build(
-        self, what: str, axes: "Axes", in_phases: Collection[str] = ()
+        self, name: str, axes: "Axes", in_phases: Collection[str] = ()
     ) -> "Tool | Holder":
         """Build the tool.
 
         Parameters
         ----------
-        what
-            Its name in messages, and the default of its name.
+        name
+            Its name, or the default of it.
         axes
             Axes of the ply in the axes of the tool.
         in_phases
@@ -146,7 +146,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
 
         from ..contact import Holder, Tool
 
-        outline = None
+        what, outline = (f"tools.{name}" if self.name else name), None
         if self.outline_mm is not None:
             outline = np.array(self.outline_mm).reshape(-1, 2).T - axes.origin[:2, None]
         with errors_in(f"{what}: "):
@@ -157,8 +157,10 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             "side": self.side,
             "thickness": self.thickness_mm,
             "outline": outline,
-            "friction": _amount(f"{what}.friction", self.friction or 0.0),
-            "name": self.name or what,
+            "friction": _amount(
+                f"{what}.friction", 0.0 if self.friction is None else self.friction
+            ),
+            "name": name,
             "stated": axes.of_tool,
         }
         if self.elastic_slip_mm is not None:
@@ -189,7 +191,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
             raise ValueError(f"{what}: motion_axis must not be zero")
         translation = self._translation(what)
         given = self.motion_axis, self.motion_point_mm
-        if not self.motion_deg:
+        if not self.motion_deg and self.motion_deg != ():
             if given != (_UP, _ORIGIN) and not turned:
                 raise ValueError(
                     f"{what}: motion_axis and motion_point_mm require motion_deg: set "
@@ -223,12 +225,14 @@ class ToolTable(DeclaredTable, tag_field="surface"):
 def _amount(what: str, amount: Any) -> Any:
     if not isinstance(amount, tuple):
         return amount
+    if not amount:
+        raise ValueError(f"{what} is empty: state a number, or {_ROWS}, or omit it")
     from ..ply.amount import Rows
 
     return Rows.of(what, amount)
 
 
-def in_radians(value: Amount) -> Amount:
+def in_radians(value: NumberOrRows) -> NumberOrRows:
     """An angle, or the angles in rows, in radians."""
     if isinstance(value, tuple):
         return tuple((at, radians(angle)) for at, angle in value)

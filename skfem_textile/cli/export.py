@@ -19,6 +19,7 @@ from ..cases.read import converted
 from ..cases.schema import PATTERN_KINDS, Output
 from ..io.file_numbers import errors_about
 from ..mesh.checks import MeshError
+from ..mesh.extents import diagonal_of
 from ..mesh.graph import components, edges_of
 from ..mesh.requirements import is_installed, lacks, require
 from ..mesh.user_input import printable
@@ -396,15 +397,12 @@ class PartExport:
             reach, patterns = self._reach(sheet, self.part), []
             with errors_about(f"boundary of the part {self.named}"):
                 for piece in self._covered(sheet):
-                    outer, *holes = sorted(piece.boundary(), key=_extent, reverse=True)
+                    outer, *holes = sorted(
+                        piece.boundary(), key=diagonal_of, reverse=True
+                    )
                     patterns.append(flat_pattern(sheet, outer, None, holes, reach))
         write_patterns(folder, patterns, self.kinds)
         return {
             "pattern_area_mm2": sum(pattern.area for pattern in patterns),
             "pattern_length_mm": sum(pattern.length for pattern in patterns),
         }
-
-
-def _extent(curve: ndarray) -> float:
-    """Diagonal of the bounding box of a curve in mm."""
-    return float(np.linalg.norm(np.ptp(curve, axis=1)))

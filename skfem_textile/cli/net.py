@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from .. import drape, io
 from ..io.file_numbers import errors_about
-from ..mesh.extents import warn_of_outline
+from ..mesh.extents import diagonal_of, warn_of_outline
 from ..mesh.graph import boundary_edges
 from ..mesh.progress import log_to_stderr, shown
 from ..mesh.user_input import IN_MM, coords, printable
@@ -170,15 +170,7 @@ def _laid(options: argparse.Namespace) -> Part:
         warn_of_outline(options.outline, outline.polygon, [points])
     warp = np.radians(options.fibres or 0.0)
     angles = warp, warp + np.pi / 2
-    size = float(np.linalg.norm(np.ptp(tool.facets.points, axis=1)))
-    cell = options.cell or _CELL * size
-    if not _FINEST <= cell / size <= _COARSEST:
-        raise ValueError(
-            f"the length of a cell must be between {_FINEST * size:.3g} and "
-            f"{_COARSEST * size:.3g} mm on a tool with a diagonal of {size:.4g} mm, "
-            f"got {cell:g} mm"
-        )
-    loops = _edges(tool, options)
+    cell, loops = _cell(tool, options.cell), _edges(tool, options)
     spanned = tool.without_holes() if len(loops) > 1 else tool
     has_outline = len(loops) == 1 or (loops and len(spanned.facets.boundary()) == 1)
     warp_along, weft_along = (
@@ -199,14 +191,13 @@ def _laid(options: argparse.Namespace) -> Part:
         points = tool.facets.points
         if curves:
             points = drape.points_of_part(spanned, curves[0], curves[1:])
-        extent = float(np.linalg.norm(np.ptp(points, axis=1)))
         search = drape.best_start(
             spanned,
             cell,
             angles=angles,
             points=points,
             measure=options.best,
-            search_cell=max(cell, _SEARCHED * extent),
+            search_cell=max(cell, _SEARCHED * diagonal_of(points)),
             fixed_direction=options.fibres is not None,
             others=[start],
         )
@@ -220,6 +211,19 @@ def _laid(options: argparse.Namespace) -> Part:
     part = Part(tool, inside=inside, search=search, outline=outline)
     part = part._replace(meets_itself=not has_outline)
     return _pieces(options, part, spanned, cell, curves, settings)
+
+
+def _cell(tool: TriangleMesh, given: float | None) -> float:
+    """Length of a cell in mm."""
+    size = diagonal_of(tool.facets.points)
+    cell = given or _CELL * size
+    if not _FINEST <= cell / size <= _COARSEST:
+        raise ValueError(
+            f"the length of a cell must be between {_FINEST * size:.3g} and "
+            f"{_COARSEST * size:.3g} mm on a tool with a diagonal of {size:.4g} mm, "
+            f"got {cell:g} mm"
+        )
+    return cell
 
 
 def _outline(options: argparse.Namespace) -> Outline:
@@ -276,7 +280,7 @@ def _off_tool(tool: TriangleMesh, curve: ndarray, cell: float, is_closed: bool) 
             f"up to {away.max():.3g} mm from it, the first at "
             f"{coords(curve[:, far[0]])} mm"
         )
-    extent = float(np.linalg.norm(np.ptp(curve, axis=1)))
+    extent = diagonal_of(curve)
     if extent < cell:
         return f"the curve extends over {extent:.3g} mm, a cell over {cell:.3g} mm"
     return ""

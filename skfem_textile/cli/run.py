@@ -2,7 +2,7 @@
 
 import argparse
 import platform
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from importlib import metadata
@@ -68,94 +68,133 @@ def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> 
         )
     log_to_stderr(options.verbose)
     with shown("preparing the case", printed=True):
-        case = built(file, default=default_laws(tables))
-        export = PartExport.read(file.output)
-        checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
-        if file.stepping.tolerance is None:
-            stepper: Stepper = case.stepper(checkpoint)
-        else:
-            stepper = _to_tolerance(file, case, checkpoint)
-        written = WrittenCase(file)
-        named = file.output.test_curve
-        test = None if named is None else read_test_curve(named)
-        sampling = _sampling(file, case, written, options)
-        refuse_foreign_case(options.out)
-        fields = (f"fields/{name}" for name in io.FIELDS)
-        numbers = ("summary.json", "history.csv", CURVE, SAMPLES, PHASES)
-        export.refuse_folder(options.out)
-        drapes = *io.DRAPED, *PartExport.all_files, *decks_in(options.out)
-        files = (*numbers, *WRITTEN_FILES, *drapes, *fields, *_PICTURES, REPORT)
-        out = ResultFolder(options.out, files)
-        begin = _begin(case, options)
-        code, message, refusal = _load(stepper, begin)
-    result = stepper.result
-    described = case.described(result)
-    provenance = {
-        "inputs": {"version": __version__, **tables_of(file)},
-        "versions": versions(),
-    }
-    # The error interval may take long, and be interrupted.
-    before = replace(result, interval=lambda _: ErrorInterval(reason="interrupted"))
-    curve: Curve = curve_of(case.scene, before)
-    summary = case.summary(before) | provenance
-    exported: dict[str, Any] = {}
-    complete = False
+        run = _Run(file, default_laws(tables), options)
+        run.apply()
     try:
+        run.write()
+        if run.code != INTERRUPTED:
+            run.complete()
+    except OutputError as error:
+        raise OutputError(f"{error}; {_checkpoint_note(run.stepper)}") from None
+    except KeyboardInterrupt:
+        if not run.is_written:
+            raise
+        run.code = INTERRUPTED
+        run.message = "interrupted: the results computed so far are written"
+    run.draw()
+    run.say()
+    return run.code
+
+
+class _Run:
+    """Run of a case: everything is validated before it is applied.
+
+    ``code`` is the exit code and ``message`` the final message.
+    """
+
+    def __init__(
+        self, file: CaseFile, default: Collection[str], options: argparse.Namespace
+    ) -> None:
+        self.options, self.code, self.message = options, 0, ""
+        self.refusal: StepError | None = None
+        self.is_written, self._exported = False, dict[str, Any]()
+        self.case = case = built(file, default=default)
+        self.export = PartExport.read(file.output)
+        checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
+        self.stepper: Stepper
+        if file.stepping.tolerance is None:
+            self.stepper = case.stepper(checkpoint)
+        else:
+            self.stepper = _to_tolerance(file, case, checkpoint)
+        self._case_file = WrittenCase(file)
+        named = file.output.test_curve
+        self._test = None if named is None else read_test_curve(named)
+        self._sampling = _sampling(file, case, self._case_file, options)
+        refuse_foreign_case(options.out)
+        self.export.refuse_folder(options.out)
+        self._out = ResultFolder(options.out, _files(options.out))
+        self._begin = _begin(case, options)
+        self._provenance = {
+            "inputs": {"version": __version__, **tables_of(file)},
+            "versions": versions(),
+        }
+
+    def apply(self) -> None:
+        """Apply the load, until it is interrupted or a step fails."""
+        self.code, self.message, self.refusal = _load(self.stepper, self._begin)
+        self.result = self.stepper.result
+
+    def write(self) -> None:
+        """Write the results without the error interval, which may take long."""
+        case, result, scene = self.case, self.result, self.case.scene
+        described = case.described(result)
+        no_error = ErrorInterval(reason="interrupted")
+        before = replace(result, interval=lambda _: no_error)
+        self.curve: Curve = curve_of(scene, before)
+        summary = case.summary(before) | self._provenance
         with held():
-            with out as folder:
-                if export:
-                    sheet = Sheet.of_ply(result.ply, described.u, case.scene.axes)
+            with self._out as folder:
+                if self.export:
+                    sheet = Sheet.of_ply(result.ply, described.u, scene.axes)
                     early = result.not_on_tool or "the run stopped early"
                     reason = "" if result.converged else early
-                    exported = export.write(sheet, reason, folder)
-                summary = export.added(summary, exported)
-                io.write_summary(summary, folder / "summary.json")
-                of_run = case.scene.axes, case.scene.process
+                    self._exported = self.export.write(sheet, reason, folder)
+                self.summary = self.export.added(summary, self._exported)
+                io.write_summary(self.summary, folder / "summary.json")
+                of_run = scene.axes, scene.process
                 io.write_history(result, folder / "history.csv", *of_run)
-                if case.scene.process:
-                    io.write_phases(result, folder / PHASES, case.scene.process)
-                write_curve(curve, folder / CURVE)
-                written.write(folder)
-                io.write_fields(result, folder / "fields", case.scene.axes)
+                if scene.process:
+                    io.write_phases(result, folder / PHASES, scene.process)
+                write_curve(self.curve, folder / CURVE)
+                self._case_file.write(folder)
+                io.write_fields(result, folder / "fields", scene.axes)
                 if not result.not_on_tool:
-                    io.write_draped(described, folder, case.scene.axes)
-            complete = True
-        if code != INTERRUPTED:
-            # Include the error interval.
-            with shown("estimating the error", printed=True):
-                summary = export.added(case.summary(result) | provenance, exported)
-                curve = curve_of(case.scene, result)
-            _write_again(summary, curve, options)
-            if sampling:
-                code, message, summary, curve = _with_samples(
-                    sampling, (code, message), summary, curve, result, options
-                )
-    except OutputError as error:
-        raise OutputError(f"{error}; {_checkpoint_note(stepper)}") from None
-    except KeyboardInterrupt:
-        if not complete:
-            raise
-        code, message = (
-            INTERRUPTED,
-            "interrupted: the results computed so far are written",
-        )
-    if (
-        case.pictures
-        and code != INTERRUPTED
-        and not _draw(case, refusal or result, curve, test, options)
-    ):
-        code = INTERRUPTED
-    if code == 0 and (missing := export.missing(exported)):
-        code, message = STOPPED_EARLY, "; ".join(missing)
-    if options.json:
-        say((options.out / "summary.json").read_text(encoding="utf-8"), end="")
-    else:
-        say_rows(first_rows(summary))
-        written_to = f"results written to {printable(options.out)}"
-        say(f"{written_to}: all values in summary.json{out.removed_text()}")
-    if message:
-        complain(message)
-    return code
+                    io.write_draped(described, folder, scene.axes)
+            self.is_written = True
+
+    def complete(self) -> None:
+        """Estimate the error, run the samples of the fabric, and write again."""
+        with shown("estimating the error", printed=True):
+            summary = self.case.summary(self.result) | self._provenance
+            self.summary = self.export.added(summary, self._exported)
+            self.curve = curve_of(self.case.scene, self.result)
+        _write_again(self.summary, self.curve, self.options)
+        if self._sampling:
+            self.code, self.message, self.summary, self.curve = _with_samples(
+                *(self._sampling, (self.code, self.message), self.summary),
+                *(self.curve, self.result, self.options),
+            )
+
+    def draw(self) -> None:
+        """Draw the pictures."""
+        if not self.case.pictures or self.code == INTERRUPTED:
+            return
+        run = self.refusal or self.result
+        if not _draw(self.case, run, self.curve, self._test, self.options):
+            self.code = INTERRUPTED
+
+    def say(self) -> None:
+        """Print the first quantities, or the summary, and the final message."""
+        options = self.options
+        if self.code == 0 and (missing := self.export.missing(self._exported)):
+            self.code, self.message = STOPPED_EARLY, "; ".join(missing)
+        if options.json:
+            say((options.out / "summary.json").read_text(encoding="utf-8"), end="")
+        else:
+            say_rows(first_rows(self.summary))
+            removed = self._out.removed_text()
+            written_to = f"results written to {printable(options.out)}"
+            say(f"{written_to}: all values in summary.json{removed}")
+        if self.message:
+            complain(self.message)
+
+
+def _files(out: Path) -> tuple[str, ...]:
+    """Files that a run may write."""
+    fields = (f"fields/{name}" for name in io.FIELDS)
+    numbers = ("summary.json", "history.csv", CURVE, SAMPLES, PHASES)
+    drapes = *io.DRAPED, *PartExport.all_files, *decks_in(out)
+    return (*numbers, *WRITTEN_FILES, *drapes, *fields, *_PICTURES, REPORT)
 
 
 def _sampling(

@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -43,7 +44,7 @@ _INTERVALS = 40
 _ASYMMETRIC, _OF_TRIANGLES = 1e-4, 0.2
 
 
-def check_tools(ply: Ply, moved: bool = False) -> None:
+def check_tools(ply: Ply, moved: float = 0.0) -> None:
     """Refuse tools that cross, touch nothing, or break the symmetry of the ply.
 
     `LoadStepper` calls it before each run.  Each tool pushes the nodes along from load
@@ -55,7 +56,7 @@ def check_tools(ply: Ply, moved: bool = False) -> None:
     ply
         Ply with tools; one without is valid.
     moved
-        True if conditions prescribe displacements.
+        Largest displacement in mm that conditions prescribe.
 
     Raises
     ------
@@ -90,9 +91,10 @@ def check_tools(ply: Ply, moved: bool = False) -> None:
             _refuse_behind(ply, tool)
     _refuse_asymmetric(ply, pressing(ply))
     touching = _pushed(ply, tools)
-    if not (touching or moved or _has_normal_load(ply)):
+    if not (touching or moved or _has_normal_load(ply, ply.terms)):
         _refuse_untouched(ply, tools)
-    _warn_of_travels(ply, tools, touching, moved)
+    _warn_of_travels(ply, tools, touching, bool(moved))
+    _warn_of_friction(ply, touching, moved)
 
 
 def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> set[str]:
@@ -264,6 +266,42 @@ def _warn_of_travels(
             log.warning(text, tool.name, pushed, whole)
 
 
+def _warn_of_friction(ply: Ply, touching: Collection[str], moved: float) -> None:
+    """Warn of friction of tools further away than supports and other tools move.
+
+    Not where tools rotate, or loads move the ply out of its plane.
+    """
+    tools = pressing(ply)
+    away = [x for x in contacts(ply) if x.friction and x.name not in touching]
+    if not away or _has_normal_load(ply, [x for x in ply.terms if x not in tools]):
+        return
+    if any(x.rotation(t) for x in tools for t in _load_factors([x])):
+        return
+    every = {tool.name: _reach(tool) for tool in tools}
+    for tool in away:
+        others = moved + sum(every.values()) - every[tool.name]
+        gap, _ = _approach(ply, contacts(ply), tool)
+        if gap > others:
+            stays = f"it stays {gap:.3g} mm away from the undeformed ply"
+            if np.isinf(gap):
+                stays = "no node of the undeformed ply is within its edges or outline"
+            log.warning(
+                "friction of %s may have no effect: %s, and supports and other tools "
+                "move by %.3g mm: check its position, motion and unit of length",
+                *(tool._obstacle.what, stays, others),
+            )
+
+
+def _reach(tool: ToolTerm) -> float:
+    """Distance in mm by which a tool may move a flat ply."""
+    if isinstance(tool, ToolContact):
+        factors = _load_factors([tool], _INTERVALS)
+        room = tool._obstacle.reach or no_reach
+        return _furthest(tool) + float(np.ptp([room(t) for t in factors]))
+    distance = tool._obstacle.gaps(tool._obstacle.X, 0.0).distance
+    return _furthest(tool) + float(np.abs(distance[np.isfinite(distance)]).max())
+
+
 def _size(ply: Ply) -> float:
     """Extent of a ply in mm."""
     return float(np.ptp(ply.nodes, axis=1).max())
@@ -349,11 +387,12 @@ def _refuse_turned(
         )
 
 
-def _has_normal_load(ply: Ply) -> bool:
-    flat = ply.basis.zeros()
-    for t in _load_factors(pressing(ply)):
+def _has_normal_load(ply: Ply, terms: Sequence[Any]) -> bool:
+    """True if loads among the terms act on the flat ply along its normal."""
+    flat, loads = ply.basis.zeros(), [x for x in terms if x.role == "load"]
+    for t in _load_factors(pressing(ply)) if loads else ():
         p = ply.updated(ply.parameters_at_rest, flat, t)
-        load = np.abs(ply.nodal(ply.load(flat, t, p)))
+        load = np.abs(ply.nodal(ply.residual(flat, t, p, loads)))
         if load[2].max() > ROUND_OFF * load.max():
             return True
     return False

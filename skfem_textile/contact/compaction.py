@@ -177,12 +177,15 @@ class RigidHolder:
 
     Attributes
     ----------
+    what
+        The holder, at the beginning of messages.
     force
         Force in N as a function of the load factor.
     law
         Law of compaction.
     """
 
+    what: str
     force: Amount
     law: CompactionLaw
 
@@ -217,8 +220,9 @@ class RigidHolder:
             near /= 2
             if near < EPSILON * far:
                 raise ValueError(
-                    f"compaction: the law carries less than the force {force:g} N of "
-                    "the holder at any thickness: use a law without a largest pressure"
+                    f"{self.what}: its law of compaction carries less than the force "
+                    f"{force:g} N at any thickness: use a law without a largest "
+                    "pressure"
                 )
         distance = brentq(excess, near, far, xtol=EPSILON * near, rtol=8 * EPSILON)
         pressures = np.zeros_like(areas)

@@ -8,7 +8,8 @@ its motion in the axes of the tool.  Sliding begins after an elastic slip of the
 
 is the derivative of b h(|y|), where h(y) = y²/2ε up to ε and y − ε/2 beyond: a convex
 energy.  s is the force at the last state, not above b, and X₀ the place on the tool.
-n and b are updated within an iteration; s, X₀ and the work once a step.
+n and b are updated within an iteration, near the equilibrium; s, X₀ and the work once a
+step.
 
 Newton's method converges slowly at the kink between sticking and sliding.  The tangent
 therefore contains the force σ that the previous increment predicts, which is linear in

@@ -174,7 +174,7 @@ class HolderPressure(ToolTerm):
         return np.asarray(np.linalg.norm(self._on_points(u, t, p), axis=1))
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
-        """Also a law of compaction that is extrapolated, and pressure over an opening.
+        """Also a force without a ply, a law that is extrapolated, and an opening.
 
         A node that is beyond the surface by more than the size of an element is over an
         opening: it has passed through the surface.
@@ -186,6 +186,13 @@ class HolderPressure(ToolTerm):
             lines.append(
                 f"force of {what} compresses the ply to {least:.4g} mm: its law of "
                 f"compaction ends at {thinnest:g} mm and is extrapolated"
+            )
+        if first := next(filter(self._misses, states), None):
+            force = self.rigid.force(first.load_factor)
+            lines.append(
+                f"force of {what}, {force:.4g} N, does not act at load factor "
+                f"{first.load_factor:.4g}, because no part of the ply is under it: its "
+                "outline must cover a part of the ply while it presses"
             )
         last = states[-1]
         *_, local = self._nodes_under(
@@ -199,6 +206,12 @@ class HolderPressure(ToolTerm):
                 f"by up to {beyond:.3g} mm: it is over an opening, and needs an outline"
             )
         return lines
+
+    def _misses(self, state: Any) -> bool:
+        """True if it has a force, but no part of the ply is under it."""
+        if not self.rigid or state.parameters[self.name]["areas"].any():
+            return False
+        return bool(self.rigid.force(state.load_factor))
 
     def _thinnest(self, state: Any) -> float:
         """Smallest thickness of the ply under a holder with a force, in mm."""

@@ -19,6 +19,7 @@ from ..mesh.user_input import real_numbers, shortened
 from ..ply.amount import SAME, Limits, Part, Rows, ends_of_parts, refuse_places
 from ..solve.continuation import LoadSteps, refuse_steps
 from ..solve.result import Result
+from .holder import pressing
 from .motion import travelled
 from .tool import LIMITS, AboutAxis, Holder, Tool
 
@@ -183,7 +184,23 @@ class Process:
         return f"{'the end of ' if after != name else ''}phase {name!r},"
 
     def at_ends(self, result: Result) -> list[int]:
-        """Indices of the states at the ends of phases, and of the last state."""
+        """Indices of the states at the ends of phases, and of the last state.
+
+        Raises
+        ------
+        ValueError
+            If the tools of the ply are not the tools of the process.
+        """
+        terms = {x.name: [y.stated for y in x.amounts] for x in pressing(result.ply)}
+        for tool in self.tools:
+            own = [getattr(tool, name, None) for name in LIMITS]
+            stated = [x for x in own if x is not None]
+            if not _same(terms.get(tool.name, []), stated, self._ends):
+                raise ValueError(
+                    f"the tool {tool.name!r} of the ply is not the one of the process: "
+                    "build the ply with the tools of the process, "
+                    "Ply(..., terms=process.tools)"
+                )
         factors = [state.load_factor for state in result.states]
         last = {t: i for i, t in enumerate(factors)}  # of clamps that let go
         ends = [last[t] for t in self._ends[1:] if t in last]
@@ -290,6 +307,12 @@ class Process:
             at = rows[:, 0]
             refuse_places(f"{what}: the travels", at, "from 0 mm", bool(at[0] >= 0))
             along = self._travels[value.tool]
+            if not any(map(along, LoadSteps(self.steps).ends())):
+                raise ValueError(
+                    f"{what} follows the travel of {value.tool!r}, which does not "
+                    "move: name a tool that moves, or state rows of the share of the "
+                    "phase"
+                )
             return Part(what, between, rows, along, "travel {:g} mm")
         value = value.tolist() if isinstance(value, ndarray) else value  # or a number
         if isinstance(value, _ROWS) and len(value) and isinstance(value[0], _ROWS):
@@ -305,6 +328,18 @@ class Process:
         end = _array(what, [[0.0, *given]], limits)[0, 1:]
         begin = end if name == "friction" else before
         return Part(what, between, np.array([[0.0, *begin], [1.0, *end]]))
+
+
+def _same(some: Sequence[Any], others: Sequence[Any], at: Sequence[float]) -> bool:
+    """True if amounts have the same values at load factors, within round-off."""
+
+    def values(amounts: Sequence[Any]) -> ndarray:
+        found = [x(t) if callable(x) else x for x in amounts for t in at]
+        parts = [y for x in found for y in (x if isinstance(x, tuple) else [x])]
+        return np.hstack([[], *map(np.ravel, parts)])
+
+    one, other = values(some), values(others)
+    return one.shape == other.shape and np.allclose(one, other, SAME, SAME)
 
 
 def _listed(what: str, given: Any) -> tuple[Any, ...]:

@@ -19,7 +19,7 @@ from ..ply.amount import Amount, AmountLike, Limits, Rows
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import COMPARED, HolderPressure
-from .motion import Motion
+from .motion import Motion, travelled
 from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
@@ -45,7 +45,7 @@ class FormingContact(ToolContact):
     """Contact with the checks before a run and the figures of its result."""
 
     @staticmethod
-    def check(ply: Any, moved: bool) -> None:
+    def check(ply: Any, moved: float) -> None:
         """See `check_tools`."""
         from .checks import check_tools
 
@@ -244,7 +244,7 @@ class Holder:
                 f"Compaction(0.3, 1e-3, 8.0), got {shortened(self.compaction)}"
             )
         _check_compaction(f"{what}: law of compaction", self.compaction)
-        return RigidHolder(amount_of(self, "force", what), self.compaction)
+        return RigidHolder(what, amount_of(self, "force", what), self.compaction)
 
 
 def _check_compaction(what: str, law: "CompactionLaw") -> None:
@@ -311,6 +311,32 @@ def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
     unit = np.array(axis) / np.abs(axis).max()
     unit /= np.linalg.norm(unit)
     return np.asarray(Rotation.from_rotvec(angle * unit).as_matrix())
+
+
+def farthest(tools: Sequence[Tool | Holder]) -> str:
+    """Name of the tool that travels farthest in a run, the first of equal ones.
+
+    Not of a holder with a pressure or force, whose force is not a reaction.
+
+    Raises
+    ------
+    ValueError
+        If there is no other tool.
+    """
+
+    def travel(tool: Tool | Holder) -> float:
+        what, motion = f"tool {tool.name!r}", tool.motion
+        factors = validated_at(Amount(what, motion))
+        moved = [travelled(what, motion, t) for t in factors]
+        return float(np.linalg.norm(moved, axis=1).max())
+
+    known = [x for x in tools if isinstance(x, Tool) or x.gap is not None]
+    if not known:
+        raise ValueError(
+            f"tool {tools[0].name!r} is a holder with a pressure or force, but there "
+            "is no tool against which it presses: add one, or state its gap"
+        )
+    return max(known, key=travel).name
 
 
 def amount_of(tool: Any, name: str, what: str) -> Amount:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -173,6 +173,8 @@ class Fabric:
     twist: ByElement = 0.0
     wrinkling_angle: ByElement = 0.5 * np.pi
     yarns: "Yarns | None" = None
+    # Unit directions at points of elements, (2, 1, 1), if each family has one vector.
+    _uniform: ClassVar[tuple[ndarray, ndarray] | None] = None
 
     def __post_init__(self) -> None:
         keep_copies(self, "tension", "shear", "warp", "weft")
@@ -195,7 +197,10 @@ class Fabric:
         for family in families:
             unit_vectors(family.name, family.direction, x)
         if len(families) == 2:
-            self.directions(x)  # refuses parallel families
+            pair = self.directions(x)  # refuses parallel families
+            vectors: list[Any] = [family.direction for family in families]
+            if all(np.ndim(vector) == 1 for vector in vectors):
+                keep(self, _uniform=pair)
 
     @cached_property
     def families(self) -> tuple[Family, Family]:
@@ -344,6 +349,8 @@ class Fabric:
         tuple of ndarray
             Each with a shape that broadcasts with ``x``.
         """
+        if self._uniform and not given and x.ndim == self._uniform[0].ndim:
+            return self._uniform
         A1, A2 = (
             unit_vectors(f.name, given.get(f.name, f.direction), x, element)
             for f in self.families

@@ -395,12 +395,12 @@ class TwoLaws(BiaxialLaw):
         return low, high
 
     def _each(self, part: str, strain: ndarray) -> list[ndarray]:
-        pairs = zip((self.warp, self.weft), strain, strict=True)
-        each = [(getattr(law, part)(x), np.shape(x)) for law, x in pairs]
-        return [
-            x if np.shape(x) == shape else np.broadcast_to(x, shape)
-            for x, shape in each
-        ]
+        each = []
+        for law, x in zip((self.warp, self.weft), strain, strict=True):
+            values, shape = getattr(law, part)(x), np.shape(x)
+            same = getattr(values, "shape", ()) == shape
+            each.append(values if same else np.broadcast_to(values, shape))
+        return each
 
 
 def mean_slope(law: Law, strain: ndarray) -> ndarray:

@@ -157,7 +157,15 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
 
     Values may be per element of either mesh; other numbers are refused.  ``parent`` is
     the user's element that contains each element of the mesh, shape (n_elements,).
+    Without values per element it is the fabric itself.
     """
+    tension: Any = fabric.tensions
+    laws = tension.laws if isinstance(tension, TwoLaws) else (tension,)
+    directions = [_as_array(family.direction) for family in fabric.families]
+    data = *laws, fabric.shear_law, *directions, *fabric.bending
+    numbers: Any = *fabric.bending, fabric.twist, fabric.wrinkling_angle
+    if all(_n_elements(x) is None for x in data) and not any(map(np.ndim, numbers)):
+        return fabric
 
     def carried(name: str, data: Any) -> Any:
         if isinstance(data, TwoLaws):
@@ -177,13 +185,12 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     def on_elements(name: str, value: Any) -> Any:
         return _on_elements(name, value, parent)
 
-    tension: Any = fabric.tensions
     if isinstance(tension, TwoLaws):
         warp, weft = tension.laws
         tension = carried("tension of warp", warp), carried("tension of weft", weft)
     else:
         tension = carried("tension", tension)
-    warp, weft = (carried(f.name, _as_array(f.direction)) for f in fabric.families)
+    warp, weft = map(carried, ("warp", "weft"), directions)
     shear = carried("shear", fabric.shear_law)
     of_warp, of_weft = (
         (carried if is_law(D) else on_elements)(f"bending of {f.name}", D)

@@ -180,10 +180,11 @@ class FabricOnBasis:
         ValueError
             If it is not an array with one real number for each unknown.
         """
-        if np.shape(u) != (self.basis.N,):
+        n, shape = self.basis.N, u.shape if isinstance(u, ndarray) else np.shape(u)
+        if shape != (n,):
             raise ValueError(
-                f"a displacement of this ply has the shape ({self.basis.N},), one "
-                f"number for each unknown, not {np.shape(u)}: use one of the same ply"
+                f"a displacement of this ply has the shape ({n},), one number for each "
+                f"unknown, not {shape}: use one of the same ply"
             )
         if not isinstance(u, ndarray) or u.dtype.kind not in "biuf":
             found = u.dtype if isinstance(u, ndarray) else with_article(u)

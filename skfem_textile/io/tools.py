@@ -181,8 +181,9 @@ def _read_stl(content: bytes) -> ndarray:
             "triangles as its header declares"
         )
     found = re.findall(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", content, re.IGNORECASE)
-    facets = len(re.findall(rb"\bendfacet\b", content, re.IGNORECASE))
-    whole = re.search(rb"\bendsolid\b[^\n]*\s*\Z", content, re.IGNORECASE)
+    lower = content.lower()
+    facets = lower.count(b"endfacet")
+    whole = re.match(rb"endsolid\b[^\n]*\s*\Z", lower[lower.rfind(b"endsolid") :])
     if len(found) != 3 * facets or not whole:
         raise MeshError(
             f"the file ends early or is damaged: {facets} complete triangles have "

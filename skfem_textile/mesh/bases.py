@@ -51,6 +51,11 @@ THREE = get_quadrature(ElementTriP2, 2)
 SIX = get_quadrature(ElementTriP2, 4)
 
 
+#: ε_ijk, of the cross product.
+EPSILON = np.zeros((3, 3, 3))
+EPSILON[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
+EPSILON[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
+
 # Multiple of the round-off of positions that bounds the round-off of their inverse.
 _ROUND_OFF = 32 * np.finfo(float).eps
 
@@ -229,16 +234,6 @@ class DisplacementBasis(CellBasis):
         functions = range(self.Nbfun)
         return [self.elem.gbasis(self.mapping, self.X, i, self.tind) for i in functions]
 
-    def function_gradients(self) -> ndarray:
-        """Gradients of the functions of one component.
-
-        Shape (n_nodes, 2, n_elements, n_points).
-        """
-        scalar: Any = self.elem
-        nodes, inverse = scalar.elem, self.mapping.invDF(self.X, self.tind)
-        local = (nodes.lbasis(self.X, i)[1] for i in range(len(nodes.doflocs)))
-        return np.array([np.einsum("ijkl,il->jkl", inverse, x) for x in local])
-
 
 class HourglassBasis(DisplacementBasis):
     """Basis of the fluctuation at the 2×2 points, each of weight A/4 (§3.2).
@@ -303,7 +298,22 @@ def _fluctuating(element: Any) -> Element:
     return element
 
 
-def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
+def function_gradients(basis: Any) -> ndarray:
+    """Gradients of the functions of one component of a basis of the displacement.
+
+    Shape (n_nodes, 2, n_elements, n_points).
+    """
+    if type(basis) not in (DisplacementBasis, MeanBasis):
+        functions = basis.basis[:: components(basis)]
+        return np.array([np.asarray(field.grad)[0] for (field, *_) in functions])
+    nodes, inverse = basis.elem.elem, basis.mapping.invDF(basis.X, basis.tind)
+    local = (nodes.lbasis(basis.X, i)[1] for i in range(len(nodes.doflocs)))
+    return np.array([np.einsum("ijkl,il->jkl", inverse, x) for x in local])
+
+
+def displacement_gradient(
+    basis: Any, u: ndarray, gradients: ndarray | None = None
+) -> ndarray:
     """Displacement gradient ∇u at the points of a basis.
 
     Parameters
@@ -312,18 +322,17 @@ def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
         Basis of the displacement.
     u
         Displacement, shape (n_unknowns,).
+    gradients
+        `function_gradients` of the basis, if they are known.
 
     Returns
     -------
     ndarray
         Shape (d, 2, n_elements, n_points).
     """
-    element: Any = basis.elem
-    gradient, d = 0.0, element.dim
-    nodal = u[basis.element_dofs].reshape(-1, d, 1, basis.nelems, 1)
-    for of_node, (function, *_) in zip(nodal, basis.basis[::d], strict=True):
-        gradient = gradient + of_node * np.asarray(function.grad)[0]
-    return np.asarray(gradient)
+    dN = function_gradients(basis) if gradients is None else gradients
+    nodal = u[basis.element_dofs].reshape(len(dN), -1, basis.nelems)
+    return np.einsum("ain,ajnp->ijnp", nodal, dN)
 
 
 class MeanBasis(DisplacementBasis):
@@ -575,7 +584,7 @@ class Corners:
         positive = reference * self._turn
         self._reflex = positive <= _FLAT * positive.max(axis=0)
         self._per_area = 1 / np.where(self._reflex, np.inf, reference)
-        self._last = np.empty(0), np.empty(0)
+        self._last = b"", np.empty(0)
 
     def area_ratio(self, u: ndarray) -> ndarray:
         """Current area per reference area, det F, shape (n_points, n_elements).
@@ -583,8 +592,8 @@ class Corners:
         Infinite at a corner that is flat or reflex in the reference configuration,
         where det F is undefined.
         """
-        last, ratio = self._last
-        if np.array_equal(last, u):
+        key, (last, ratio) = u.tobytes(), self._last
+        if key == last:
             return ratio
         moved = u.reshape(-1, self._d)
         if self._d == 2:
@@ -594,8 +603,48 @@ class Corners:
             normals = vectors.sum(axis=1, keepdims=True)
             ratio = sided(vectors, normals) * np.abs(self._per_area)
         ratio[self._reflex] = np.inf
-        self._last = u.copy(), ratio
+        self._last = key, ratio
         return ratio
+
+    def derivatives(
+        self, u: ndarray, corners: ndarray, elements: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        """First and second derivative of the area ratio J at n corners of elements.
+
+        With ξ and η, ∂x/∂ξ and ∂x/∂η with the weights w of the nodes, c = ξ × η, y =
+        w_ξ η − w_η ξ and the unit vector n of c, |c| has the derivatives y × n, and
+        (w_ξa w_ηc − w_ηa w_ξc) e_i×e_j · n + (δ_ij y_a·y_c − y_aj y_ci − (y_a × n)_i
+        (y_c × n)_j)/|c|.  In the plane n is constant, and the last part is zero.
+
+        Returns
+        -------
+        tuple of ndarray
+            ∂J/∂x of each node, shape (n_nodes, d, n), and the blocks of ∂²J/∂x² of the
+            pairs of nodes in the order of `numpy.triu_indices`, (n_pairs, d, d, n).
+        """
+        d, moved = self._d, u.reshape(-1, self._d)
+        x = np.pad(self._X, ((0, 0), (0, d - 2))) + moved
+        w = self._edges[self._pairs[corners]].transpose(1, 2, 0)
+        xi, eta = np.einsum("san,ani->sin", w, x[self._nodes[:, elements]])
+        y = w[0][:, None] * eta - w[1][:, None] * xi
+        a, c = np.triu_indices(len(y))
+        scale, turns = self._per_area[corners, elements], w[0][a] * w[1][c]
+        turns -= w[1][a] * w[0][c]
+        if d == 2:
+            first = np.stack([y[:, 1], -y[:, 0]], axis=1)
+            second = turns[:, None, None] * EPSILON[:2, :2, 2, None]
+            return scale * first, scale * second
+        normal = cross(xi, eta)
+        length = np.linalg.norm(normal, axis=0)
+        n = normal / length
+        first = cross(*np.broadcast_arrays(y.swapaxes(0, 1), n[:, None])).swapaxes(0, 1)
+        second = turns[:, None, None] * np.einsum("ijk,kn->ijn", EPSILON, n)
+        second += (
+            np.eye(3)[:, :, None] * (y[a] * y[c]).sum(axis=1)[:, None, None] / length
+        )
+        second -= y[a][:, None] * y[c][:, :, None] / length
+        second -= first[a][:, :, None] * first[c][:, None] / length
+        return np.abs(scale) * first, np.abs(scale) * second
 
     def normals(self, u: ndarray) -> ndarray:
         """Normals of the elements in space, not normalised, shape (3, n_elements).

@@ -24,6 +24,11 @@ def extent_of(points: ndarray) -> float:
     return float(np.ptp(points, axis=1).max())
 
 
+def diagonal_of(points: ndarray) -> float:
+    """Diagonal of the bounding box of points, shape (d, n)."""
+    return float(np.linalg.norm(np.ptp(points, axis=1)))
+
+
 def warn_of_outline(file: object, outline: ndarray, tools: Sequence[ndarray]) -> None:
     """Warn if the extents of an outline and of the largest tool indicate two units.
 

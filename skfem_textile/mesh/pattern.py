@@ -5,7 +5,6 @@ one block, below the diagonal.  Zero entries are kept.
 """
 
 from collections.abc import Iterable, Sequence
-from copy import copy
 from functools import cached_property
 from itertools import combinations_with_replacement
 from typing import Any, NamedTuple
@@ -47,20 +46,23 @@ class Pattern:
         self.dimension, self.n_nodes, d = dimension, n_nodes, dimension
         groups = [*elements, *others]
         pairs = [nodes[np.array(np.triu_indices(len(nodes)))] for nodes in groups]
-        keys = [
-            (pair.max(axis=0).astype(np.int64) * n_nodes + pair.min(axis=0)).ravel()
-            for pair in pairs
-        ]
-        distinct, number = np.unique(np.concatenate(keys), return_inverse=True)
-        self.rows, self.cols = np.divmod(distinct, n_nodes)
-        self._keys = distinct
+        rows = np.concatenate([pair.max(axis=0).ravel() for pair in pairs])
+        cols = np.concatenate([pair.min(axis=0).ravel() for pair in pairs])
+        every = csr_matrix(
+            (np.ones(rows.size, dtype=bool), (rows, cols)), (n_nodes,) * 2
+        )
+        every.sum_duplicates()
+        self.rows = np.repeat(np.arange(n_nodes), np.diff(every.indptr))
+        self.cols = every.indices.astype(np.int64)
+        self._keys = distinct = self.rows * n_nodes + self.cols
+        number = np.searchsorted(distinct, rows.astype(np.int64) * n_nodes + cols)
         self._added: dict[str, _Added] = {}  # the last matrix of each term
 
         # Numbers of the entries of the blocks of pairs, (n_pairs, d, d, n).  Where the
         # first node of a pair has the smaller number, its block is kept transposed.
         i, j = np.indices((d, d))[..., None]
         few = d * d * len(distinct) <= np.iinfo(np.int32).max
-        ends = np.cumsum([key.size for key in keys])[:-1]
+        ends = np.cumsum([first.size for first, _ in pairs])[:-1]
         self._slots = []
         for block, (first, second), _ in zip(
             np.split(number, ends), pairs, elements, strict=False
@@ -126,9 +128,10 @@ class Pattern:
         col, j = np.divmod(entries.col, d)
         below = np.flatnonzero(row >= col)
         block = self._blocks(row[below], col[below])
-        inside, block = below[block >= 0], block[block >= 0]
-        slots = (d * block + i[inside]) * d + j[inside]
-        return _Added(K, slots, inside, np.setdiff1d(below, inside))
+        known = block >= 0
+        inside = below[known]
+        slots = (d * block[known] + i[inside]) * d + j[inside]
+        return _Added(K, slots, inside, below[~known])
 
     def _blocks(self, row: ndarray, col: ndarray) -> ndarray:
         """Numbers of the blocks of pairs of nodes, −1 outside the pattern."""
@@ -222,8 +225,8 @@ def with_data(pattern: Any, data: ndarray) -> Any:
 
     The constructors of SciPy check the indices, which takes longer than a product.
     """
-    matrix = copy(pattern)
-    matrix.data = data
+    matrix = object.__new__(type(pattern))
+    vars(matrix).update(vars(pattern), data=data)
     return matrix
 
 

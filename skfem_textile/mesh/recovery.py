@@ -28,51 +28,50 @@ _DECAY = 4.0
 _LEAST_SHARE = 1e-12
 
 
-def recovered(mesh: Any, values: ndarray) -> ndarray:
-    """Smooth values at the vertices of a mesh.
+def recovery(mesh: Any) -> csr_matrix:
+    """Matrix from values at the centres of elements to smooth values at vertices.
 
     Parameters
     ----------
     mesh
         Mesh of triangles or quadrilaterals in the plane.
-    values
-        Values at the centres of the elements, shape (n_elements,).
 
     Returns
     -------
-    ndarray
-        Shape (n_vertices,).  A quadratic polynomial is recovered exactly.
+    scipy.sparse.csr_matrix
+        Shape (n_vertices, n_elements).  A quadratic polynomial is recovered exactly.
 
     Examples
     --------
     >>> from skfem import MeshQuad
     >>> mesh = MeshQuad().refined(2)
-    >>> centres = mesh.p[:, mesh.t].mean(axis=1)
-    >>> bool(np.allclose(recovered(mesh, centres[0] ** 2), mesh.p[0] ** 2))
+    >>> x, _ = mesh.p[:, mesh.t].mean(axis=1)
+    >>> bool(np.allclose(recovery(mesh) @ x**2, mesh.p[0] ** 2))
     True
     """
-    n, touch = mesh.nvertices, _touching(mesh)
-    nodes, smooth = np.arange(n), np.empty(n)
+    touch = _touching(mesh)
+    nodes, smooth = np.arange(mesh.nvertices), csr_matrix(touch.shape)
     patch, grown = touch, touch.T @ touch
     for rings in range(2, _MOST_RINGS + 1):
         patch = (patch @ grown).tocsr()
         large = np.diff(patch.indptr) >= _LEAST
         large |= rings == _MOST_RINGS
         if large.any():
-            smooth[nodes[large]] = _fitted(mesh, values, nodes[large], patch[large])
+            smooth = smooth + _fitted(mesh, nodes[large], patch[large])
         nodes, patch = nodes[~large], patch[~large]
     return smooth
 
 
-def _fitted(mesh: Any, values: ndarray, nodes: ndarray, patch: csr_matrix) -> ndarray:
-    """Values at nodes of polynomials through the elements of their patches."""
+def _fitted(mesh: Any, nodes: ndarray, patch: csr_matrix) -> csr_matrix:
+    """Matrix from values at centres to polynomials through the patches of nodes."""
     pairs, n = patch.tocoo(), len(nodes)
     row, element = pairs.row, pairs.col
     away = mesh.p[:, mesh.t].mean(axis=1)[:, element] - mesh.p[:, nodes[row]]
     weighted, A, _ = _normal_equations(row, away, n, _DECAY)
-    b = np.array([np.bincount(row, a * values[element], n) for a in weighted])
-    solved = np.linalg.solve(A, b.T[..., None])
-    return np.asarray(solved[:, 0, 0])
+    constant = np.linalg.inv(A)[:, 0]
+    shares = np.einsum("pk,kp->p", constant[row], weighted)
+    shape = mesh.nvertices, mesh.nelements
+    return csr_matrix((shares, (nodes[row], element)), shape)
 
 
 def contact_points(mesh: Any, mirrors: Sequence[ndarray] = ()) -> csr_matrix:

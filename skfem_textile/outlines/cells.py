@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+import scipy  # whose modules are imported on first use
 import shapely
 from numpy import ndarray
-from scipy.integrate import DOP853
-from scipy.optimize import brentq
 from shapely.geometry.polygon import orient
 from skfem.helpers import cross
 
@@ -223,7 +222,7 @@ class Cell:
                 return along  # a field need not be defined outside
             return v if v @ along >= 0 else -v
 
-        steps = DOP853(
+        steps = scipy.integrate.DOP853(
             direction,
             0.0,
             p,
@@ -304,7 +303,8 @@ class Cell:
 
         x = at
         if offset(low) * offset(high) < 0:
-            x = dense(brentq(offset, low, high, xtol=1e-14 * self.size))
+            accuracy = 1e-14 * self.size
+            x = dense(scipy.optimize.brentq(offset, low, high, xtol=accuracy))
         return a + (e @ (x - a)).clip(0, np.hypot(*(self.end[:, edge] - a))) * e
 
     def check_fields(self) -> None:

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy import ndarray
-from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import KDTree
 
 from ..mesh.graph import boundary_edges, components, edges_of
@@ -82,7 +81,8 @@ def graded(
             if is_strong:
                 size = np.minimum(size, finest + growth * distance)
         # Number of lines up to each distance: the integral of 1/size.
-        count = density * cumulative_trapezoid(1 / size, x, initial=0)
+        between = np.diff(x) * (1 / size[1:] + 1 / size[:-1]) / 2
+        count = density * np.append(0.0, np.cumsum(between))
         if count[-1] > _MOST_LINES:
             raise ValueError(
                 f"the density {density:g} would give about {count[-1]:.1g} lines of a "

@@ -12,7 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
-from ..mesh.extents import SMALLEST, extent_of
+from ..mesh.extents import SMALLEST, diagonal_of, extent_of
 from ..mesh.graph import components
 from ..mesh.user_input import coords, excerpt, real_numbers
 
@@ -67,7 +67,7 @@ def sampled(at: Callable[[ndarray], ndarray], tolerance: float) -> ndarray:
     bend = float(np.linalg.norm(np.diff(probe, 2), axis=0).max())
     if not np.isfinite(bend):
         return probe
-    radius = float(np.linalg.norm(np.ptp(probe, axis=1))) / 2
+    radius = diagonal_of(probe) / 2
     allowed = max(min(tolerance, SAGITTA * radius), 1e-300)
     n = np.clip(np.ceil(_PROBES * np.sqrt(bend / (8 * allowed))), 1, _MOST_POINTS)
     return at(np.linspace(0, 1, 1 + int(n)))

@@ -9,17 +9,15 @@ import numpy as np
 from numpy import ndarray
 from scipy.linalg import expm
 from scipy.sparse import csr_matrix
-from skfem import CellBasis, Mesh, asm
+from skfem import CellBasis, Mesh
 from skfem.helpers import cross
 
 from ..fabric import Fabric
 from ..fabric.fabric import is_law
 from ..fabric.law import LARGEST_CURVATURE, law_at
-from ..forms.form import Forms
-from ..forms.in_plane import RESISTING, corner_resistance
+from ..forms.in_plane import RESISTING, resistance
 from ..forms.kernels.elements import hourglass_mode
-from ..forms.kernels.kernel import node_pair_blocks
-from ..mesh.bases import CornerBasis, Corners, components, node_positions
+from ..mesh.bases import EPSILON, Corners, components, node_positions
 from ..mesh.selection import FIBRE_ENDS, FibreEnd, Turning
 from ..mesh.user_input import call_user_function, real_numbers, shortened
 from .parameters import NO_VALUES, TermParameters, Values
@@ -51,54 +49,51 @@ class CornerTerm(ElementTerm):
     name, role = "corners", "internal"
 
     def __init__(self, stiffness: float, basis: CellBasis, corners: Corners) -> None:
-        self._stiffness, self._basis, self._corners = stiffness, basis, corners
-        self._d = d = components(basis)
-        self.nodes = basis.element_dofs[::d] // d
-
-    @cached_property
-    def _forms(self) -> Forms:
-        """Forms of the closing corners, of which most plies have none."""
-        return corner_resistance(self._stiffness)
+        self._corners, self._d = corners, components(basis)
+        self.nodes = basis.element_dofs[:: self._d] // self._d
+        self._stiffness = stiffness * basis.dx.sum(axis=1) / len(self.nodes)
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """κ Σ A/n b(det F)."""
-        basis = self._closing(u)
-        return 0.0 if basis is None else float(asm(self._forms.energy, basis, u=u))
+        closing = self._closing(u)
+        return float(closing[0][0].sum()) if closing else 0.0
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Derivative of the energy."""
-        basis, form = self._closing(u), self._forms.residual
-        return np.zeros(len(u)) if basis is None else asm(form, basis, u=u)
-
-    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
-        """Second derivative of the energy; None if all corners are open."""
-        basis = self._closing(u)
-        return None if basis is None else asm(self._forms.tangent, basis, u=u)
+        f = np.zeros((len(u) // self._d, self._d))
+        if closing := self._closing(u):
+            (_, d, _), elements, J, _ = closing
+            np.add.at(f, self.nodes[:, elements], (d * J).swapaxes(1, 2))
+        return f.ravel()
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
         """See `ElementTerm`; None if all corners are open."""
-        if (basis := self._closing(u)) is None:
+        if not (closing := self._closing(u)):
             return None
-        size: Any = basis.Nbfun
-        K = self._forms.tangent.elemental(basis, u=u).data.reshape(size, size, -1)
-        elements: Any = basis.tind
-        blocks = node_pair_blocks(K, self.nodes[:, elements], self._d)
+        (_, d, dd), elements, J, JJ = closing
+        a, c = np.triu_indices(len(self.nodes))
+        blocks = dd * J[a, :, None] * J[c, None] + d * JJ
         matrices = np.zeros((self.nodes.shape[1], *blocks.shape[:-1]))
         np.add.at(matrices, elements, np.moveaxis(blocks, -1, 0))
         return np.moveaxis(matrices, 0, -1)
 
-    def _closing(self, u: ndarray) -> CornerBasis | None:
-        """Basis of the closing corners; None if all are open."""
-        closing, elements = np.nonzero(self._corners.area_ratio(u) < RESISTING)
-        if not elements.size:
+    def _closing(
+        self, u: ndarray
+    ) -> tuple[list[ndarray], ndarray, ndarray, ndarray] | None:
+        """Of the closing corners κ A/n times b, b′ and b″, elements, ∂J/∂x and ∂²J/∂x².
+
+        None if all corners are open.
+        """
+        ratio = self._corners.area_ratio(u)
+        if self._d == 3:  # the area ratio of the form has no sign
+            ratio = np.abs(ratio)
+        if not (closes := ratio < RESISTING).any():
             return None
-        return CornerBasis(self._basis, elements, closing)
+        corners, elements = np.nonzero(closes)
+        scale = self._stiffness[elements]
+        b = [scale * x for x in resistance(ratio[closes])]
+        return b, elements, *self._corners.derivatives(u, corners, elements)
 
-
-# ε_ijk, of the cross product
-_EPSILON = np.zeros((3, 3, 3))
-_EPSILON[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-_EPSILON[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
 
 # Cyclic pairs of the vectors y of `OutOfPlane`, and the third.
 _CYCLE = (0, 1, 2), (1, 2, 0), (2, 0, 1)
@@ -147,7 +142,7 @@ class OutOfPlane(FormTerm):
             (B[s, a] * B[t, c] - B[t, a] * B[s, c])[:, None] * y[third]
             for s, t, third in _CYCLE
         )
-        K += np.einsum("n,ijk,pkn->pijn", k * v, _EPSILON, across)
+        K += np.einsum("n,ijk,pkn->pijn", k * v, EPSILON, across)
         return K
 
     def _form_parameters(self, t: float, p: Values) -> dict[str, Any]:

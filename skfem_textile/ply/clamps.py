@@ -27,7 +27,7 @@ from ..fabric.law import number
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import selected_nodes, turned_where
 from ..mesh.splitting import was_split
-from ..mesh.user_input import keep_copies, real_numbers, shortened
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .parameters import NO_VALUES, TermParameters, Values
 from .terms import Term, named_edges
 
@@ -54,8 +54,8 @@ class Clamp(declared.Clamp):
     preload
         Force in N along the direction with which the clamp pulls the undeformed edge.
     within
-        Rectangle (smallest x and y, largest x and y) in mm: the clamp holds the edges
-        within it.
+        Rectangle (smallest x and y, largest x and y) in mm, or a function of position
+        ``(2, n) -> (n,) bool``: the clamp holds the edges within it.
     name
         Name of the term, of the force of the clamp, and of the travel of its edge.
 
@@ -141,7 +141,7 @@ class Clamp(declared.Clamp):
             where = f"on {self.edge!r}"
         if self.within is not None:
             beside = _extents(mesh.p[:, mesh.facets[:, facets]])
-            where += " within its rectangle"
+            where += " in the part that 'within' selects"
         facets = facets[self.inside(mesh.p)[mesh.facets[:, facets]].all(axis=0)]
         if not facets.size:
             raise ValueError(
@@ -152,11 +152,17 @@ class Clamp(declared.Clamp):
 
     def inside(self, X: ndarray) -> ndarray:
         """True for positions, shape (2, n), within the rectangle if there is one."""
+        what = f"clamp {self.name!r}: within"
         if self.within is None:
             return np.ones(X.shape[1], dtype=bool)
-        if callable(self.within):  # the rectangle of a clamp that was turned
-            return self.within(X)
-        what = f"clamp {self.name!r}: within"
+        if callable(self.within):
+            chosen = np.asarray(call_user_function(what, self.within, X))
+            if chosen.dtype != bool or chosen.shape != X.shape[1:]:
+                raise ValueError(
+                    f"{what} must return one bool for each position, shape "
+                    f"{X.shape[1:]}, got {chosen.dtype} of shape {chosen.shape}"
+                )
+            return chosen
         box = real_numbers(what, self.within)
         if box.shape != (4,) or not (box[:2] < box[2:]).all():
             raise ValueError(

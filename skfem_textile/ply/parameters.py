@@ -19,7 +19,13 @@ from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from ..fabric.law import Law, Resistance, mean_slope, n_slips
 from ..forms.hourglass import hourglass_rate, rate_increment
-from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers, mean
+from ..mesh.bases import (
+    MeanBasis,
+    displacement_gradient,
+    element_numbers,
+    function_gradients,
+    mean,
+)
 from ..mesh.scikit_fem import FormExtraParams
 
 T = TypeVar("T")
@@ -399,8 +405,8 @@ class HeldStiffness(TermParameters):
         The tensions are averaged as T/λ, the force conjugate to the stretch: its mean
         equals the value of the law, because deviations cancel.
         """
-        w, A, fabric, of_means = self._undeformed
-        F = kin.deformation_gradient(displacement_gradient(self._basis, u))
+        w, A, fabric, of_means, dN = self._undeformed
+        F = kin.deformation_gradient(displacement_gradient(self._basis, u, dN))
         strain, stretch, angle, cos_angle = kin.both_fibres(F, *A)
         G, law = mean(w, type(self).of_shear(fabric.shear_law, angle)), fabric.tensions
         slopes = [mean_slope(law.of_family(i, strain), strain[i]) for i in range(2)]
@@ -415,11 +421,15 @@ class HeldStiffness(TermParameters):
     @cached_property
     def _undeformed(
         self,
-    ) -> tuple[dict[str, Any], tuple[ndarray, ndarray], Fabric, Fabric]:
-        """Parameters of forms, fibre directions, and laws at points and elements."""
+    ) -> tuple[dict[str, Any], tuple[ndarray, ndarray], Fabric, Fabric, ndarray]:
+        """Parameters of forms, fibre directions, laws at points and at elements.
+
+        And the `function_gradients`.
+        """
         w, element = self._basis.default_parameters(), element_numbers(self._basis)
         A = self._fabric.directions(np.asarray(w["x"]), element)
-        return w, A, self._fabric.at(element), self._fabric.at(element[:, :1])
+        laws = self._fabric.at(element), self._fabric.at(element[:, :1])
+        return w, A, *laws, function_gradients(self._basis)
 
     def _of(self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray) -> ndarray:
         """Stiffness from means over elements.

@@ -17,6 +17,7 @@ from ..fabric.regions import fabric_of_regions, fabric_on
 from ..forms.form import directions
 from ..mesh.bases import Corners, components, node_positions
 from ..mesh.progress import shown
+from ..mesh.recovery import recovery
 from ..mesh.scikit_fem import FormExtraParams
 from ..mesh.selection import FibreEnd
 from ..mesh.splitting import at_nodes, hat_functions, original_elements, was_changed
@@ -309,6 +310,14 @@ class Ply(SumOfTerms):
         [[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]]
         """
         return _mapped("nodes of ply.nodes", values, self._at_users_nodes)
+
+    @cached_property
+    def recovery(self) -> csr_matrix:
+        """Smooth values at the nodes of the mesh of values at `centre`.
+
+        See `mesh.recovery.recovery`.
+        """
+        return recovery(self.mesh)
 
     @cached_property
     def _at_users_nodes(self) -> csr_matrix:

@@ -13,7 +13,11 @@ from skfem import CellBasis
 from ..fabric import Fabric
 from ..fabric.fabric import LawEnd
 from ..forms.fields import FabricOnBasis
-from ..forms.kernels.elements import FibreDeformation, IntegrationPoints
+from ..forms.kernels.elements import (
+    ElementGroup,
+    FibreDeformation,
+    IntegrationPoints,
+)
 from ..forms.kernels.kernel import (
     KernelState,
     SharedGroup,
@@ -101,7 +105,11 @@ class SumOfTerms(FabricOnBasis):
             x.name: x.parameters for x in self._terms if x.parameters is not None
         }
         self._d = components(basis)
-        self._last = np.empty(0), dict[IntegrationPoints, FibreDeformation]()
+        self._last: tuple[
+            bytes,
+            dict[IntegrationPoints, FibreDeformation],
+            dict[tuple[FormTerm, ElementGroup], KernelState],
+        ] = (b"", {}, {})
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -217,30 +225,35 @@ class SumOfTerms(FabricOnBasis):
         self,
         terms: Sequence[Term],
         u: ndarray,
-        t: float,
         parameters: PlyParameters,
         tension: ndarray | None = None,
-    ) -> Iterator[list[KernelState]]:
+    ) -> Iterator[dict[FormTerm, KernelState]]:
         """Kernel states of the given terms, for each group of elements.
 
-        The deformations at the last displacement are cached, because forces and tangent
-        of one state share them.  Threads may use different displacements.
+        Deformations and states at the last displacement are cached, because energies,
+        forces, tangent and predicted tensions share them.  Threads may use different
+        displacements.
         """
-        last = self._last
-        if not np.array_equal(u, last[0]):
-            last = self._last = u.copy(), {}
+        key, last = u.tobytes(), self._last
+        if key != last[0]:
+            last = self._last = key, {}, {}
+        _, deformations, known = last
         for shared in self._kinds.groups:
-            states = []
+            states = {}
             for term, (group, points) in shared.terms.items():
                 if term not in terms:
                     continue
-                new = [p for p in points if p not in last[1]]
-                last[1].update(zip(new, group.deformations(u, new), strict=True))
-                w = {"t": t, **parameters.get(term.name, NO_VALUES)}
-                if term is self._tension and tension is not None:
-                    w["tension"] = tension
-                fibres = [last[1][p] for p in points]
-                states.append(KernelState(term.kernel, group, points, fibres, w))
+                w, x = parameters.get(term.name, NO_VALUES), known.get((term, group))
+                if x is None or x.w is not w:
+                    new = [p for p in points if p not in deformations]
+                    found = group.deformations(u, new)
+                    deformations.update(zip(new, found, strict=True))
+                    fibres = [deformations[p] for p in points]
+                    x = KernelState(term.kernel, group, points, fibres, w)
+                    known[term, group] = x
+                if tension is not None and term is self._tension:
+                    x = x.with_tension(tension)
+                states[term] = x
             if states:
                 yield states
 
@@ -254,13 +267,16 @@ class SumOfTerms(FabricOnBasis):
         """Energy of each term in N·mm, by name; see `residual`."""
         self.refuse_other(u)
         p = self.parameters_at_rest if parameters is None else parameters
-        energies = {}
-        for term in self._terms if terms is None else terms:
+        terms, energies = self._terms if terms is None else terms, {}
+        of_kernels: dict[Any, float] = dict.fromkeys(self._kinds.by_kernel, 0.0)
+        for states in self._states(terms, u, p):
+            for of_kernel, x in states.items():
+                of_kernels[of_kernel] += x.kernel.energy(x)
+        for term in terms:
             values = p.get(term.name, NO_VALUES)
-            if term in self._kinds.by_kernel:
-                groups = self._states([term], u, t, p)
-                energy = sum(x.kernel.energy(x) for group in groups for x in group)
-                energies[term.name] = energy + float(values.get("work", 0.0))
+            if term in of_kernels:
+                work = float(values.get("work", 0.0))
+                energies[term.name] = of_kernels[term] + work
             else:
                 energies[term.name] = term.energy(u, t, values)
         return energies
@@ -302,8 +318,9 @@ class SumOfTerms(FabricOnBasis):
         self.refuse_other(u)
         p = self.parameters_at_rest if parameters is None else parameters
         terms, d, f = self._terms if terms is None else terms, self._d, np.zeros(len(u))
-        for states in self._states(terms, u, t, p):
-            local, nodes = element_forces(states), states[0].group.nodes.ravel()
+        for states in self._states(terms, u, p):
+            (x, *_), local = states.values(), element_forces(states.values())
+            nodes = x.group.nodes.ravel()
             for i in range(d):
                 f[i::d] += np.bincount(nodes, local[:, i].ravel(), len(f) // d)
         for term in terms:
@@ -336,8 +353,9 @@ class SumOfTerms(FabricOnBasis):
         self, u: ndarray, t: float, parameters: PlyParameters | None = None
     ) -> ndarray:
         """Nodal forces of the loads in N."""
+        self.refuse_other(u)
         loads = [term for term in self._terms if term.role == "load"]
-        return -self.residual(u, t, parameters, loads)
+        return -self.residual(u, t, parameters, loads) if loads else np.zeros(len(u))
 
     def tangent(
         self,
@@ -384,7 +402,10 @@ class SumOfTerms(FabricOnBasis):
         self.refuse_other(u)
         p = self.parameters_at_rest if parameters is None else parameters
         matrices: Iterable[ndarray | None] = chain(
-            map(element_matrices, self._states(self._terms, u, t, p, tension)),
+            (
+                element_matrices(states.values())
+                for states in self._states(self._terms, u, p, tension)
+            ),
             (
                 x.matrices(u, t, p.get(x.name, NO_VALUES))
                 for x in self._kinds.by_element
@@ -424,12 +445,13 @@ class SumOfTerms(FabricOnBasis):
         T = np.zeros((2, *term.basis.dx.shape))
         p = self.parameters_at_rest if parameters is None else parameters
         before, after = (
-            [x for (x,) in self._states([term], at, 1.0, p)] for at in (u, u + du)
+            [states[term] for states in self._states([term], at, p)]
+            for at in (u, u + du)
         )
         for x, y in zip(before, after, strict=True):
             at_points = term.kernel.predicted_tension(x, y)
             for numbers, tension in zip(x.group.point_numbers, at_points, strict=True):
-                T[..., x.group.elements, numbers] = np.moveaxis(tension, -1, -2)
+                T[..., x.group.elements, numbers] = tension.swapaxes(1, 2)
         return T
 
     def arranged(self, tension: ndarray) -> ndarray:
@@ -494,12 +516,12 @@ class SumOfTerms(FabricOnBasis):
         sharp = ~((n[:, one] * n[:, other]).sum(axis=0) > 0)
         return np.unique([one[sharp], other[sharp]])
 
-    def beyond_peak(self, u: ndarray) -> ndarray:
+    def beyond_peak(self, strains: ndarray) -> ndarray:
         """Elements where T/λ decreases with λ (∂T/∂ε is below T) or ε is not finite.
 
-        Beyond the peak of T/λ, the force per reference width, a fibre tears.
+        Beyond the peak of T/λ, the force per reference width, a fibre tears.  The fibre
+        strains at points have the shape (2, n_elements, n_points).
         """
-        strains = self.fibre_strain(u, self.fine_points)
         past = ~np.isfinite(strains).all(axis=(0, 2))
         law = self._at_elements.tensions
         pairs = zip(law.slopes(strains).own, law.value(strains), strict=True)

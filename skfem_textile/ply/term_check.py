@@ -92,7 +92,11 @@ def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
     if (named := term.couples()) is not None:
         return named
     K = term.tangent(basis.zeros(), 1.0, _at_rest(term))
-    return () if K is None else (np.array(K.nonzero()) // components(basis),)
+    if K is None:
+        return ()
+    row, col = np.array(K.nonzero()) // components(basis)
+    below = row > col  # it is symmetric
+    return (np.array([row[below], col[below]]),)
 
 
 def check_term(term: Term, basis: CellBasis, size: float) -> None:

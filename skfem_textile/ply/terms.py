@@ -19,7 +19,7 @@ from ..fabric.law import keep
 from ..forms import Forms
 from ..forms.kernels.kernel import Kernel, can_compute, node_pair_blocks
 from ..mesh.bases import components, element_numbers
-from ..mesh.pattern import refuse_unsymmetric
+from ..mesh.pattern import Pattern, refuse_unsymmetric
 from ..mesh.user_input import keep_copies
 from .amount import Amount, AmountLike, proportional
 from .parameters import NO_VALUES, TermParameters, Values
@@ -130,6 +130,14 @@ class ElementTerm(Term):
         """
         raise NotImplementedError
 
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
+        """Sum of the element matrices; see `Term`."""
+        if (matrices := self.matrices(u, t, p)) is None:
+            return None
+        d = matrices.shape[1]
+        pattern = Pattern(d, len(u) // d, [self.nodes])
+        return pattern.matrix(pattern.sum([matrices]))
+
 
 #: Stiffness of a gap in the tangent, relative to the contact stiffness.  It holds a ply
 #: that nothing touches, and has no force.  It is far above the round-off of the contact
@@ -162,11 +170,11 @@ class ContactTerm(ElementTerm):
     friction: Any = None
 
     @staticmethod
-    def check(ply: Any, moved: bool) -> None:
+    def check(ply: Any, moved: float) -> None:
         """Refuse the contact terms of this class in a ply, before a run.
 
         Raises a ValueError if they leave no room for the ply or never touch it;
-        ``moved`` is True if conditions prescribe displacements.
+        ``moved`` is the largest displacement in mm that conditions prescribe.
         """
 
     @staticmethod

@@ -278,11 +278,12 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
     held = {"middle_x": (middle, 0), "turn_left": (left, 1), "turn_right": (right, 1)}
     conditions = {}
     try:
-        for held_as, (node, axis) in held.items():
-            X = mesh.p[:, node]
-            path = geodesics(on_tool.surface, X, on_tool.touch)
+        at = np.hstack([node for node, _ in held.values()])
+        paths = geodesics(on_tool.surface, mesh.p[:, at], on_tool.touch)
+        for i, (held_as, (node, axis)) in enumerate(held.items()):
+            path = Geodesics(*(values[..., [i]] for values in paths))
             end = partial(_at_end, on_tool=on_tool, path=path, axis=axis)
-            end(X, 1.0)
+            end(mesh.p[:, node], 1.0)
             conditions[held_as] = Condition(node, end, direction=np.eye(3)[axis])
     except OffSurfaceError as error:
         raise ValueError(

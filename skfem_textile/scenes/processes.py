@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..contact import Holder, Phase, Process, Tool
+from ..contact.tool import farthest
 from .scene import Scene
 
 
@@ -51,4 +52,26 @@ def in_phases(
         for tool in scene.tools
     ]
     process = Process(phases, [*own, *tools], axes)
-    return replace(scene, tools=process.tools, process=process)
+    return with_tools(replace(scene, process=process), process.tools)
+
+
+def with_tools(scene: Scene, tools: Sequence[Tool | Holder]) -> Scene:
+    """Scene with tools, of which it reports the force of the one that moves farthest.
+
+    Unless a condition drives the scene.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    tools
+        All its tools.
+
+    Raises
+    ------
+    ValueError
+        If they are holders with a pressure or force only.
+    """
+    if tools and scene.driven not in scene.conditions:
+        scene = replace(scene, driven=farthest(tools))
+    return replace(scene, tools=tuple(tools))

@@ -521,6 +521,13 @@ class Scene:
         return figures
 
 
+def _farthest(result: Result) -> tuple[str, ndarray]:
+    """Name of the tool that travels farthest, and its travel in mm, (n_states,)."""
+    from ..contact import travels
+
+    return max(travels(result).items(), key=lambda tool: float(tool[1].max()))
+
+
 def _turned_vector(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
     return Q @ of(Q.T @ X, t)
 
@@ -632,22 +639,20 @@ class Case:
         """Result up to the state of the summary, the pictures and the exported part.
 
         At the end of the phase ``describe``; by default the last state in which the
-        driven tool is furthest from its initial position, for example before it
-        returns.  The last state if there is no such tool, and of a run that stopped
-        early.
+        tool that travels farthest is furthest from its initial position, for example
+        before it returns.  The last state if there is no tool, and of a run that
+        stopped early.
         """
         if not (result.converged and self.scene.tools):
             return result
-        from ..contact import travels
-
         states, process = result.states, self.scene.process
         if self.describe and process:
             here = [process.phase_at(x.load_factor) == self.describe for x in states]
-        elif self.scene.driven in (far := travels(result)):
-            of_driven = far[self.scene.driven]
-            here = (of_driven >= (1 - _ROUND_OFF) * of_driven.max()).tolist()
-        else:
+        elif self.scene.driven in self.scene.conditions:
             return result
+        else:
+            _, far = _farthest(result)
+            here = (far >= (1 - _ROUND_OFF) * far.max()).tolist()
         return result.until(int(np.flatnonzero(here)[-1]))
 
     def _description(self, result: Result) -> str:
@@ -656,7 +661,7 @@ class Case:
             return ""
         t, process = result.states[-1].load_factor, self.scene.process
         at = process.time(t, result.later[0].load_factor) if process else "at"
-        why = "" if self.describe else f", where {self.scene.driven} is furthest"
+        why = "" if self.describe else f", where {_farthest(result)[0]} is furthest"
         return (
             f"{at} load factor {t:.4g}{why}; later states are in history.csv"
             f"{', phases.csv' if process else ''} and fields"

@@ -222,28 +222,33 @@ class ActiveSet(Direction):
         u, before = problem.moved(at.u, du), values(problem, at.parameters, "force")
         moved = before + share * (increment.contact_forces - before)
         p = with_values(problem, at.parameters, "force", moved)
+        start, forces = at.u, increment.contact_forces
+        at = Iterate(u, problem.residual(u, p), p, tension, forces)
         if problem.rubbing:
-            p = self._with_friction(p, at.u, u)
-        at = Iterate(u, problem.residual(u, p), p, tension, increment.contact_forces)
+            p = self._with_friction(at, start)
+            at = at._replace(f=problem.residual(u, p), parameters=p)
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at
 
-    def _with_friction(
-        self, parameters: PlyParameters, u: ndarray, after: ndarray
-    ) -> PlyParameters:
-        """Parameters with the friction after an increment from u."""
-        problem, t = self.problem, self.problem.load_factor
+    def _with_friction(self, at: Iterate, start: ndarray) -> PlyParameters:
+        """Parameters with the friction after an increment from ``start``.
+
+        Bounds and normals change near the equilibrium: elsewhere contact forces
+        are orders of magnitude larger than in any state, and friction with them.
+        """
+        problem, (u, _, parameters, *_) = self.problem, at
+        t, near = problem.load_factor, at.unbalanced(problem) <= NEAR
         changed = {
-            x.name: x.friction.predicted(parameters[x.name], u, after - u, t)
+            x.name: x.friction.predicted(parameters[x.name], start, u - start, t)
             for x in problem.rubbing
         }
         tools = [x for x in problem.contacts if x.name in changed]
-        if tools:
+        if tools and near:
             before = np.array([changed[x.name]["bound"] for x in tools])
             every = [x.friction.bound(t, changed[x.name]["force"]) for x in tools]
             bounds = self._relaxed(before, np.array(every))
             for x, bound in zip(tools, bounds, strict=True):
-                p, normals = changed[x.name], x.normals(after, t)
+                p, normals = changed[x.name], x.normals(u, t)
                 changed[x.name] = x.friction.bounded(p, t, normals, bound)
         return Frozen({**parameters, **changed})
 
@@ -331,7 +336,7 @@ class _LinearGaps:
         """
         touches, n = self.force > 0, self.normal
         force = np.where(touches, self.multiplier - self.kappa * self.gap, 0.0)
-        nodal = sum(self.points.T @ -(x * m).T for x, m in zip(force, n, strict=True))
+        nodal = self.points.T @ -(force[:, None] * n).sum(axis=0).T
         of_gap = np.where(np.isfinite(self.gap), STIFFNESS_OF_GAP, 0.0)
         kappa = (self.kappa * np.where(touches, 1.0, of_gap))[:, None, None]
         stiffness = (kappa * n[:, :, None] * n[:, None]).sum(axis=0).T

@@ -8,8 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
-from scipy.sparse import csc_matrix, csr_matrix, identity
-from scipy.sparse.linalg import splu
+from scipy.sparse import csr_matrix, identity
 from skfem import CellBasis
 
 from ..fabric import Direction, unit_vectors
@@ -27,10 +26,6 @@ Value: TypeAlias = (
 # Conditions agree at a node if their displacements differ by at most this share of the
 # largest displacement and, for round-off, of the largest coordinate.
 _AGREEING, _ROUND_OFF = 1e-9, 1e-15
-
-# Smallest ratio of eigenvalues of S, (1 − cos θ)/(1 + cos θ) of two directions with the
-# angle θ, that belongs to another direction.
-_OTHER_DIRECTION = PARALLEL_ANGLE**2 / 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,6 +237,8 @@ class Constraints:
         Numbers of the free unknowns of nodes that move together.
     rounding
         Round-off of a fixed unknown over the round-off of a displacement.
+    supports
+        `Supports` of the displacement conditions.
     prescribed
         Numbers of the (rotated) unknowns fixed by displacement conditions.
     surfaces
@@ -292,8 +289,9 @@ class Constraints:
         ]
         rows = ("", np.empty(0, int), np.empty((self._d, 0))), *self.fixed_directions
         _, node, direction = zip(*rows, strict=True)
-        self._node = np.concatenate(node)
-        self._resolve(basis, np.concatenate(direction, axis=1))
+        self._node, self._direction = np.concatenate(node), np.hstack(direction)
+        self.supports = Supports(self._node, self._direction, self._X.shape[1])
+        self._resolve(basis)
         self._determined = self.prescribed
         self.shared, self.rounding = np.empty(0, dtype=int), 1.0
         for name, condition, X in self._conditions:
@@ -311,13 +309,10 @@ class Constraints:
             self.fixed = np.union1d(self.prescribed, self.surfaces.eliminated)
         self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
 
-    def _resolve(self, basis: CellBasis, direction: ndarray) -> None:
-        """Choose the prescribed unknowns, and factorise the rows of the conditions.
-
-        ``_rows @ q[prescribed]`` are the displacements along the directions.
-        """
+    def _resolve(self, basis: CellBasis) -> None:
+        """Choose the prescribed unknowns."""
         d, dofs = self._d, node_dofs(basis)[:, : self._X.shape[1]]
-        directions, count = _fixed_directions(self._node, direction, self._X.shape[1])
+        directions, count = self.supports.directions, self.supports.count
         projector = np.einsum("jin,jkn->ikn", directions, directions)
         crossed = projector * (1 - np.eye(d))[:, :, None]
         along_axes = (crossed == 0).all(axis=(0, 1)) | (count == d)
@@ -328,16 +323,6 @@ class Constraints:
         first = np.arange(d)[:, None] < count
         fixed = np.where(count == d, True, np.where(along_axes, axes, first))
         self.prescribed = np.sort(dofs[fixed])
-        rows = np.tile(np.arange(len(self._node)), d)
-        entries = direction.ravel(), (rows, dofs[:, self._node].ravel())
-        N = csr_matrix(entries, shape=(len(self._node), basis.N))
-        if self.turn is not None:
-            N = N @ self.turn
-        self._rows = N[:, self.prescribed]
-        # The rows of a node couple only its unknowns, with full rank by construction:
-        # least squares, with a residual where conditions disagree.
-        normal = (self._rows.T @ self._rows).tocsc()
-        self._normal = _LU(normal) if len(self.prescribed) else None
 
     def _join(
         self, basis: CellBasis, name: str, directions: ndarray, surfaces: list[str]
@@ -387,13 +372,15 @@ class Constraints:
         if self.surfaces:
             self.surfaces.check(t)
         values = np.zeros(len(self.prescribed))
-        if self._normal is None:
+        if not len(self._node):
             return values
         g = np.concatenate(
             [c.values(name, X, t, self._d).ravel() for name, c, X in self._conditions]
         )
-        q = self._normal.solve(self._rows.T @ g)
-        remainder = np.abs(self._rows @ q - g)
+        u, n = np.zeros((self._X.shape[1], self._d)), self._direction
+        np.add.at(u, self._node, (g * n).T)
+        u = self.supports.divided(u.T)  # least squares where conditions disagree
+        remainder = np.abs((n * u[:, self._node]).sum(axis=0) - g)
         allowed = _AGREEING * np.abs(g).max() + _ROUND_OFF * np.abs(self._X).max()
         if remainder.max() > allowed:
             node = self._node[remainder.argmax()]
@@ -403,6 +390,7 @@ class Constraints:
                 f"disagree at node {node}, position "
                 f"{tuple(self._X[:, node].round(6).tolist())}, at load factor {t:g}"
             )
+        q = turned(u.T.ravel(), self.turn)[self._determined]
         values[np.searchsorted(self.prescribed, self._determined)] = q
         return values
 
@@ -454,23 +442,49 @@ def constraints_after(
     return after
 
 
-class _LU:
-    """LU factors of a matrix, with ``solve``; pickling stores the matrix only."""
+class Supports:
+    """Fixed directions n at each node, and their sums S of n⊗n.
 
-    def __init__(self, matrix: csc_matrix) -> None:
-        self._matrix, self.solve = matrix, splu(matrix).solve
+    A displacement u has the components g = n·u along the directions: u = S⁻¹ Σ g n.
 
-    def __reduce__(self) -> tuple[type, tuple]:
-        return _LU, (self._matrix,)
+    Parameters
+    ----------
+    node, direction
+        Node and unit vector of each fixed direction, shapes (k,) and (d, k).
+    n_nodes
+        Number of nodes.
+
+    Attributes
+    ----------
+    directions, count
+        Orthonormal fixed directions of each node, shape (d, d, n_nodes), padded with
+        zeros, and their number, (n_nodes,).
+    """
+
+    def __init__(self, node: ndarray, direction: ndarray, n_nodes: int) -> None:
+        d, of_nodes = len(direction), _fixed_directions(node, direction, n_nodes)
+        self.directions, self.count = of_nodes
+        self._nodes = np.flatnonzero(self.count)
+        # S in the basis of the directions, and 1 for those that are missing.
+        along = np.einsum("jik,ik->kj", self.directions[..., node], direction)
+        sums = np.zeros((n_nodes, d, d))
+        np.add.at(sums, node, along[:, :, None] * along[:, None])
+        sums[:, range(d), range(d)] += np.arange(d) >= self.count[:, None]
+        found = self.directions[..., self._nodes]
+        inverse = np.linalg.inv(sums[self._nodes])
+        self._inverse = np.einsum("jin,njk,kmn->nim", found, inverse, found)
+
+    def divided(self, vectors: ndarray) -> ndarray:
+        """S⁻¹ times nodal vectors, shape (d, n_nodes); zero at other nodes."""
+        result, nodes = np.zeros_like(vectors), self._nodes
+        result[:, nodes] = np.einsum("nij,jn->in", self._inverse, vectors[:, nodes])
+        return result
 
 
 def _fixed_directions(
     node: ndarray, direction: ndarray, n_nodes: int
 ) -> tuple[ndarray, ndarray]:
-    """Orthonormal fixed directions at each node, and their number.
-
-    Shapes (d, d, n_nodes), padded with zeros, and (n_nodes,).
-    """
+    """Orthonormal fixed directions at each node, and their number; see `Supports`."""
     d = len(direction)
     directions, count = np.zeros((d, d, n_nodes)), np.zeros(n_nodes, dtype=int)
     # The number of each row among the rows of its node.
@@ -540,18 +554,14 @@ def reactions(
     u, t
         Displacement and load factor, on which the normals of surfaces depend.
     """
-    surfaces = constraints.surfaces
-    on_surfaces = surfaces.fixed_directions(u, t) if surfaces else []
-    fixed = [*constraints.fixed_directions, *on_surfaces]
-    d, n_nodes = forces.shape
-    sums = np.zeros((n_nodes, d, d))
-    for _, nodes, n in fixed:
-        np.add.at(sums, nodes, np.einsum("in,jn->nij", n, n))
-    supported = np.unique(np.concatenate([nodes for _, nodes, _ in fixed]))
-    inverse = np.linalg.pinv(sums[supported], _OTHER_DIRECTION, hermitian=True)
-    weighted = np.zeros_like(forces)
-    weighted[:, supported] = np.einsum("nij,jn->in", inverse, forces[:, supported])
-    result = {name: np.zeros(d) for name in constraints.nodes}
+    supports, fixed = constraints.supports, constraints.fixed_directions
+    if surfaces := constraints.surfaces:
+        fixed = [*fixed, *surfaces.fixed_directions(u, t)]
+        _, node, direction = zip(*fixed, strict=True)
+        n = np.hstack(direction)
+        supports = Supports(np.concatenate(node), n, forces.shape[1])
+    weighted = supports.divided(forces)
+    result = {name: np.zeros(len(forces)) for name in constraints.nodes}
     for name, nodes, n in fixed:
         result[name] += n @ (n * weighted[:, nodes]).sum(axis=0)
     return result

@@ -266,6 +266,12 @@ class Continuation:
             self.next = min(2 * self.next, self.longest)
         return True
 
+    def _remains(self, overload: Overload) -> bool:
+        """True if a clamp is overloaded as at the previous end, further ahead."""
+        _, name, load = self.overloads[-1] if self.overloads else (0.0, "", 0.0)
+        off = abs(load - overload.load)
+        return name == overload.name and off <= _SAME_STATE * load
+
     def failed(
         self, failure: NoEquilibriumError, t: float, end: float, t_end: float, by: float
     ) -> None:
@@ -278,12 +284,14 @@ class Continuation:
         """
         step, shortest = end - t, self.longest / 2.0**self.halvings
         if failure.overload:
-            if step <= _SHORTEST_STEP:
+            if step <= _SHORTEST_STEP or (
+                step <= shortest and self._remains(failure.overload)
+            ):
                 raise NoEquilibriumError(
                     f"{failure}: its force jumps there",
                     failure.elements,
                     "a friction or motion that does not jump, such as rows of a phase, "
-                    "or a larger force of release",
+                    "more steps, or a larger force of release",
                 )
             log.info("the step to load factor %g is shortened: %s", end, failure)
             self.overloads.append(failure.overload)
@@ -332,13 +340,14 @@ def path_warning(unresolved: Sequence[float]) -> str:
     )
 
 
-def moves(problem: Problem, load_factors: Iterable[float]) -> bool:
-    """True if conditions prescribe a motion, or nodes are on surfaces.
+def moves(problem: Problem, load_factors: Iterable[float]) -> float:
+    """Largest prescribed displacement in mm; infinite if nodes are on surfaces.
 
     Raises an error if a condition has no valid value at one of the load factors.
     """
-    values = [problem.constraints.fixed_values(t).any() for t in load_factors]
-    return bool(problem.surfaces or any(values))
+    every = map(problem.constraints.fixed_values, load_factors)
+    largest = max(float(np.abs(values).max(initial=0.0)) for values in every)
+    return np.inf if problem.surfaces else largest
 
 
 def loads_drive(

@@ -169,15 +169,16 @@ def _first_tangent(
     """Tangent and parameters of the first increment.
 
     Where the tangent at the start is singular, a fibre tension is added to it. On
-    surfaces the parameters are then updated with the tension due to the loads, because
-    those at rest are too small if it is large.
+    surfaces, which move with the load factor, the parameters are then updated with the
+    tension due to the loads, because those at rest are too small if it is large.
     """
     u, p = start.u, start.parameters
     regular = start.tangent and start.tangent.negative_pivots is not None
-    if start.tangent and regular and not problem.surfaces:
+    moves = problem.surfaces and start.load_factor != problem.load_factor
+    if start.tangent and regular and not moves:
         return start.tangent, p
     tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
-    if regular:  # but surfaces have moved with the load factor
+    if regular:
         return definite(problem, u, p, tension), p
     size = _FIRST_TENSION
     if problem.surfaces:

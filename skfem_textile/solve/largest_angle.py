@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.recovery import recovered
 from ..ply import Ply
 from .quantities import IN_SPACE
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 def largest_shear_angle(ply: Ply, u: ndarray) -> float:
     """Largest shear angle in radians, recovered at the nodes or at the centres."""
     angle = ply.shear_angle(u, ply.centre)[:, 0]
-    at_nodes = recovered(ply.mesh, angle)
+    at_nodes = ply.recovery @ angle
     return float(max(np.abs(at_nodes).max(), np.abs(angle).max()))
 
 
@@ -42,5 +41,5 @@ def _difference_at_peak(ply: Ply, u: ndarray) -> float:
     """Root mean square difference of the angles in the elements at the peak."""
     angle, t = ply.shear_angle(u, ply.centre)[:, 0], ply.mesh.t
     near = np.isin(t, t[:, np.abs(angle).argmax()]).any(axis=0)
-    off = recovered(ply.mesh, angle)[t].mean(axis=0) - angle
+    off = (ply.recovery @ angle)[t].mean(axis=0) - angle
     return float(np.sqrt(np.mean(off[near] ** 2)))

@@ -265,7 +265,12 @@ def _check_derivatives(surface: CheckedSurface, x: ndarray, h: float) -> None:
 
 
 def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
-    """Project points onto a surface by Newton's method; omits those that fail."""
+    """Project points onto a surface by Newton's method; omits those that fail.
+
+    Also those that move further than to the nearest point of the surface, whose
+    distance is at most the one of another point plus the size of the ply.
+    """
+    start, size = x, h / _INTERVAL
     for _ in range(_MOST):
         ends = x[:, None, None] + h * np.eye(3)[:, :, None, None] * [[-1], [1]]
         back, ahead = np.moveaxis(
@@ -278,7 +283,9 @@ def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
             break
         x = x - np.where(near, 0.0, level / squared) * slope
         finite = np.isfinite(x).all(axis=0)
-        x, near = x[:, finite], near[finite]
+        x, near, start = x[:, finite], near[finite], start[:, finite]
+    moved = np.linalg.norm(x - start, axis=0)
+    near &= moved <= moved.min(initial=np.inf, where=near) + size
     return x[:, near]
 
 

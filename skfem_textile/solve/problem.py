@@ -14,7 +14,6 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
 from ..mesh.bases import components, node_positions
-from ..mesh.pattern import with_data
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
@@ -184,11 +183,11 @@ class Problem:
 
     @cached_property
     def system(self) -> System:
-        """`System` of the free unknowns; its construction is timed."""
+        """`System` of the free unknowns, see `System.of`; its construction is timed."""
         clock, ply, constraints = self.clock, self.ply, self.constraints
         pattern = clock.time("assembly", lambda: ply.pattern)
         arguments = pattern, self.nodes, constraints, self._solver
-        return clock.time("solve", System, *arguments)
+        return clock.time("solve", System.of, *arguments)
 
     def energy(self, u: ndarray, parameters: PlyParameters) -> float:
         """Energy in N·mm, potentials of loads included."""
@@ -640,11 +639,18 @@ class Tangent:
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
-        upper, coupling = (with_data(x, np.abs(x.data)) for x in self._matrix)
-        free, fixed = (np.ones(n) for n in coupling.shape)
-        columns = np.bincount(upper.indices, upper.data, len(free))
-        rows = upper @ free + columns - upper.diagonal() + coupling @ fixed
-        return float(ROUNDINGS * EPSILON * size * rows.max(initial=0.0))
+        return float(ROUNDINGS * EPSILON * size * self._largest_row)
+
+    @cached_property
+    def _largest_row(self) -> float:
+        """Largest absolute row sum in N/mm."""
+        upper, coupling = self._matrix
+        entries, diagonal, n = np.abs(upper.data), upper.indptr[:-1], upper.shape[0]
+        rows = np.add.reduceat(entries, diagonal) - entries[diagonal]
+        rows += np.bincount(upper.indices, entries, n)
+        row = np.repeat(np.arange(n), np.diff(coupling.indptr))
+        rows += np.bincount(row, np.abs(coupling.data), n)
+        return float(rows.max(initial=0.0))
 
 
 def _between_tools(

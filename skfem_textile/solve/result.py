@@ -350,27 +350,13 @@ class Result:
         """
         ply, u, state = self.ply, self.u, self.states[-1]
         verdict, shares, error = state.verdict, state.shares, self.error
-        angle = error.shear_angle
-        how = "none" if angle is None else error.method
-        if error.reason:
-            none = "" if angle is None else "; none for the load"
-            how = f"{how}{none}: {error.reason}"
-        tension = ply.fibre_tension(u, state.parameters)
+        angle, tension = error.shear_angle, ply.fibre_tension(u, state.parameters)
         of_load, of_tools = self._figures_of_load(driven), self._figures_of_tools()
         of_clamps = self._figures_of_clamps()
         in_space = components(ply.basis) == 3
         of_shear = figures_of_shear(ply, u, error) if in_space else {}
         figures = of_load, of_tools, of_clamps
         first = [row for one in figures for row in one.get("first", [])]
-        if in_space:  # the reason for a missing interval is printed once
-            known = of_shear[f"{IN_SPACE.key}_half_width"] is not None
-            stated = any(row.get("has_interval") for row in first)
-            first.append(IN_SPACE._replace(has_interval=known or not stated).declared())
-        else:
-            first.append(IN_PLANE.declared())
-        stated = any(row["name"] == LOST.name for row in first)  # of the whole ply
-        lost = (LOST,) if state.energy_lost and not stated else ()
-        slip = (SLIP,) if ply.fabric.yarns else ()
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -399,7 +385,7 @@ class Result:
             "shear_angle_error_deg": (
                 None if angle is None else float(np.degrees(angle))
             ),
-            "error_interval": how,
+            "error_interval": self._method_of_error(),
             "wall_time_s": self.wall_time_s,
             "assembly_time_s": self.assembly_time_s,
             "solve_time_s": self.solve_time_s,
@@ -408,9 +394,32 @@ class Result:
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
             **of_tools,
             **of_clamps,
-            "first": [*first, *(one.declared() for one in (*lost, *OF_PLY, *slip))],
+            "first": self._first(first, of_shear),
             **({"warnings": self.warnings} if self.warnings else {}),
         }
+
+    def _method_of_error(self) -> str:
+        """Method of the estimated errors, or the reason why there is none."""
+        error, known = self.error, self.error.shear_angle is not None
+        how = error.method if known else "none"
+        if not error.reason:
+            return how
+        return f"{how}{'; none for the load' if known else ''}: {error.reason}"
+
+    def _first(
+        self, figures: list[dict[str, Any]], of_shear: Mapping[str, Any]
+    ) -> list[dict[str, Any]]:
+        """Quantities that are printed first: given ones, then the ones of every ply."""
+        angle = IN_PLANE
+        if of_shear:  # the reason for a missing interval is printed once
+            known = of_shear[f"{IN_SPACE.key}_half_width"] is not None
+            stated = any(row.get("has_interval") for row in figures)
+            angle = IN_SPACE._replace(has_interval=known or not stated)
+        stated = any(row["name"] == LOST.name for row in figures)  # of the whole ply
+        lost = (LOST,) if self.states[-1].energy_lost and not stated else ()
+        slip = (SLIP,) if self.ply.fabric.yarns else ()
+        own = (one.declared() for one in (angle, *lost, *OF_PLY, *slip))
+        return [*figures, *own]
 
     def at_centres(self) -> tuple[ndarray, ndarray, ndarray]:
         """Means of the vertices of elements, (2, n), shear angles there, and areas.

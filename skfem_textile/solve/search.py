@@ -15,7 +15,16 @@ from . import active_set
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import solver_named
-from .newton import LESS_ROUNDING, METHODS, SETTLED, Attempt, Damped, Method
+from .newton import (
+    LESS_ROUNDING,
+    METHODS,
+    SETTLED,
+    Attempt,
+    Damped,
+    Method,
+    balanced,
+    balances,
+)
 from .problem import HOLD, Evaluation, Problem, Tangent
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
 from .verdict import CHECKS, Trial
@@ -41,12 +50,6 @@ _SETTLED_BETWEEN_TOOLS = 1e-4
 # Share of that limit below which the change of nodal forces by a parameter update
 # implies, without a linear solve, that the reactions change by less than the limit.
 _CERTAINLY = 0.1
-
-
-# Reaction of a support, relative to the sum of all loads, below which there is none.
-# Measured: with 1e-5 shear angles differ by up to 0.02° from another path to the same
-# state.
-_IN_BALANCE = 1e-6
 
 
 class Target(NamedTuple):
@@ -115,8 +118,8 @@ class EquilibriumSearch:
         target = target._replace(most_projected=most)
         for _ in range(_MOST_UPDATES):
             problem, u, p = found.problem, found.u, found.parameters
-            balance = not problem.balancing or _balances(found)
-            closed = active_set.is_closed(problem, u, p)
+            balance = not found.tangent or balances(problem, u, found.f, p)
+            closed = not problem.contacts or active_set.is_closed(problem, u, p)
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
@@ -129,7 +132,7 @@ class EquilibriumSearch:
                         of_tools = active_set.of_tools(problem, after)
                         after = Frozen({**damped(p, after, change), **of_tools})
                     if not balance:
-                        after = _balanced(found, after)
+                        after = balanced(problem, found.tangent, found.f, after)
                     start = problem.evaluation(u, after, found.tangent)
                     start = replace(start, keeps_parameters=True)
                 again = self._first(target._replace(start=start))
@@ -242,29 +245,6 @@ class EquilibriumSearch:
         return trial
 
 
-def _balances(trial: Trial) -> bool:
-    """False if a self-balancing load leaves support reactions."""
-    problem, u, f, p = trial.problem, trial.u, trial.f, trial.parameters
-    if trial.tangent is None:
-        return True
-    allowed = _IN_BALANCE * np.abs(problem.load(u, p)).sum()
-    return bool(np.abs(problem.motions_of_supports(u) @ f).max() <= allowed)
-
-
-def _balanced(trial: Trial, parameters: PlyParameters) -> PlyParameters:
-    """Parameters with self-balancing loads adjusted so that reactions vanish.
-
-    A reaction is the work of the nodal forces over the linear response to a unit
-    displacement of its prescribed unknown.
-    """
-    motions, values = trial.tangent.motions(), {}
-    work = motions @ trial.f
-    for term in trial.problem.balancing:
-        p = parameters[term.name]
-        values[term.name] = term.balanced(p, motions, work)
-    return Frozen({**parameters, **values})
-
-
 def _change(trial: Trial, parameters: PlyParameters, limit: float) -> float:
     """Change of an equilibrium by an update of its parameters.
 
@@ -310,9 +290,8 @@ def _change_to_balance(trial: Trial, start: Evaluation) -> float:
 
 def _largest_force(trial: Trial) -> float:
     """Largest force of a condition or tool in N."""
-    problem, u, f, p = trial.problem, trial.u, trial.f, trial.parameters
-    of_tools = (force for force, _ in active_set.resultants(problem, u, p).values())
-    forces = *problem.forces(f).values(), *of_tools
+    of_tools = (force for force, _ in trial.resultants.values())
+    forces = *trial.problem.forces(trial.f).values(), *of_tools
     return max(float(np.linalg.norm(force)) for force in forces)
 
 

@@ -191,7 +191,7 @@ class LoadStepper:
         """Find out what moves, and check the tools."""
         problem = self.problem
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
-        problem.moves = moved or bool(contacts)
+        problem.moves = bool(moved or contacts)
         for check in dict.fromkeys(type(tool).check for tool in contacts):
             check(self.ply, moved)
 

@@ -170,10 +170,29 @@ class Trial(Equilibrium):
         moved = np.abs(self.u).max(initial=0.0)
         return bool(self.problem.contacts and moved <= active_set.CLOSED * size)
 
+    @property
+    def resultants(self) -> dict[str, tuple[ndarray, ndarray]]:
+        """Force and travel of each tool and clamp, see `active_set.resultants`."""
+        problem = self.problem
+        if not (problem.contacts or problem.clamps):
+            return {}
+        return active_set.resultants(problem, self.u, self.parameters)
+
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest area ratio of each element at its nodes and the fine points."""
         return self.problem.area_ratio(self.u)
+
+    @cached_property
+    def law_strain(self) -> ndarray:
+        """Fibre strain that enters the tension law, see `Ply.law_strain`."""
+        return self.problem.ply.law_strain(self.u)
+
+    @cached_property
+    def mesh_strain(self) -> ndarray:
+        """Fibre strain at the fine points, shape (2, n_elements, n_points)."""
+        ply = self.problem.ply
+        return ply.fibre_strain(self.u, ply.fine_points)
 
     @cached_property
     def works(self) -> tuple[float, float]:
@@ -199,6 +218,7 @@ class Trial(Equilibrium):
         parts = problem.clock.time("assembly", problem.ply.parts, *state)
         roles, *columns = zip(*parts, strict=True)
         energies, forces = map(np.array, columns)
+        of_role = np.array([[x == role for x in roles] for role in _ROLES], dtype=float)
         work = (forces * self.move).sum(axis=1)
         force = self.tolerance
         # Parts of each total, shape (n_parts, n_components, n_nodes), and its lower
@@ -207,17 +227,14 @@ class Trial(Equilibrium):
             "energy": (energies[:, None, None], force * np.abs(u).sum()),
             "work": (work[:, None, None], force * np.abs(self.move).sum()),
         }
-        fixed = [problem.nodal(f - problem.unfixed(f, u)) for f in forces]
+        fixed = np.array([problem.nodal(f - problem.unfixed(f, u)) for f in forces])
         for name, nodes in problem.constraints.nodes.items():
-            at_nodes = np.array([of_part[:, nodes] for of_part in fixed])
-            wholes[f"{name}_reaction"] = at_nodes, force * len(nodes)
+            wholes[f"{name}_reaction"] = fixed[..., nodes], force * len(nodes)
         shares: dict[str, dict[str, float]] = {}
         for name, (x, least) in wholes.items():
-            total = max(float(np.linalg.norm(x, axis=1).sum()), least, TINY)
-            by_role = {r: x[np.array(roles) == r].sum(axis=(0, 2)) for r in _ROLES}
-            shares[name] = {
-                role: float(np.linalg.norm(f) / total) for role, f in by_role.items()
-            }
+            total = max(float(np.sqrt((x**2).sum(axis=1)).sum()), least, TINY)
+            by_role = np.sqrt(((of_role @ x.sum(axis=2)) ** 2).sum(axis=1)) / total
+            shares[name] = dict(zip(_ROLES, by_role.tolist(), strict=True))
         return shares
 
     def apply_checks(self, warn_only: Collection[str]) -> None:
@@ -281,9 +298,8 @@ class Trial(Equilibrium):
         if self.start and self.start.load_factor == problem.load_factor:
             # Clamps let go, with the energy lost in the energies, or conditions ended.
             work = sum(self.energies.values()) - self.energy_before
-        mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
-        tools = active_set.resultants(problem, u, self.parameters)
+        tools = self.resultants
         pushed = {name: force for name, (force, _) in tools.items()}
         return State(
             load_factor=problem.load_factor,
@@ -298,8 +314,8 @@ class Trial(Equilibrium):
             verdict=Verdict(
                 negative_pivots=tangent.negative_pivots if tangent else None,
                 min_det_F=float(self.area_ratio.min()),
-                max_fibre_strain=float(np.abs(ply.law_strain(u)).max()),
-                mesh_fibre_strain=float(np.abs(mesh_strain).max()),
+                max_fibre_strain=float(np.abs(self.law_strain).max()),
+                mesh_fibre_strain=float(np.abs(self.mesh_strain).max()),
                 work=work,
             ),
             linear_solves=linear_solves,
@@ -335,9 +351,9 @@ def _element_checks(trial: Trial) -> _Failures:
             advice="a finer mesh, or a smaller load",
         )
         yield "crease", error
-    torn = np.flatnonzero(ply.beyond_peak(u))
+    torn = np.flatnonzero(ply.beyond_peak(trial.mesh_strain))
     if torn.size:
-        strain = np.abs(ply.fibre_strain(u, ply.fine_points)[:, torn])
+        strain = np.abs(trial.mesh_strain[:, torn])
         warp, weft = strain.max(axis=(1, 2))
         error = NoEquilibriumError(
             f"the fibre strain reaches {strain.max():.2g} in {torn.size} element(s), "
@@ -351,7 +367,7 @@ def _element_checks(trial: Trial) -> _Failures:
 
 def _slack_check(trial: Trial) -> _Failures:
     """Fibres without resistance to compression that shorten to a fraction."""
-    strain = trial.problem.ply.law_strain(trial.u).min(axis=(0, 2))
+    strain = trial.law_strain.min(axis=(0, 2))
     short = np.flatnonzero(strain < _FOLDED_UP)
     if short.size:
         error = NoEquilibriumError(

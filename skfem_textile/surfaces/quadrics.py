@@ -83,20 +83,20 @@ class Quadrics:
         )
         # Vertices near each vertex, nearest first, and how many of them can be within
         # the reach of a position at most so far away: see `_LEVELS`.
-        within = reach * (1 + _LEVELS)
+        n, within = len(points), reach * (1 + _LEVELS)
         count = self._tree.query_ball_point(points, within[-1], return_length=True)
         self._listed = count <= _NEIGHBOURS
-        count = np.where(self._listed, count, 0)
+        listed = np.flatnonzero(self._listed)
+        pairs = KDTree(points[listed]).sparse_distance_matrix(
+            self._tree, within[-1], output_type="ndarray"
+        )
+        at, away = listed[pairs["i"]], pairs["v"]
+        self._near = pairs["j"][np.argsort(at + away / (2 * within[-1]))]
+        count = np.bincount(at, minlength=n)
         self._start = np.cumsum(count) - count
-        at = np.repeat(np.arange(len(points)), count)
-        _, near = pairs_of(
-            self._tree.query_ball_point(points[self._listed], within[-1])
-        )
-        away = np.linalg.norm(points[at] - points[near], axis=1)
-        self._near = near[np.lexsort([away, at])]
-        self._counts = np.array(
-            [np.bincount(at[away <= r], minlength=len(points)) for r in within]
-        )
+        level = np.searchsorted(within, away)
+        counts = np.bincount(level * n + at, minlength=(1 + len(within)) * n)
+        self._counts = counts.reshape(-1, n)[:-1].cumsum(axis=0)
 
     def _set(self, points: ndarray, a: ndarray, b: ndarray, H: ndarray) -> None:
         """Store quadrics of shapes (n, 3), (n,), (n, 3) and (n, 3, 3) as columns."""
@@ -256,9 +256,9 @@ _SYMMETRIC = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 def _blocks(numbers: ndarray, count: ndarray) -> list[ndarray]:
     """Blocks of positions with about `_PAIRS` pairs."""
-    if not numbers.size:
-        return []
     ends = np.cumsum(count[numbers])
+    if not numbers.size or ends[-1] <= _PAIRS:
+        return [numbers] if numbers.size else []
     cuts = np.searchsorted(ends, np.arange(_PAIRS, ends[-1], _PAIRS))
     return [block for block in np.split(numbers, np.unique(cuts)) if block.size]
 
@@ -278,8 +278,8 @@ def _fitted(
     rows = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=2)
     facing = np.einsum("nkj,nj->nk", normals[near], normals) > _OTHER_SIDE
     weight = facing * np.exp(-2 * (a * a + b * b))
-    normal = np.einsum("nki,nk,nkj->nij", rows, weight, rows)
-    right = np.einsum("nki,nk,nk->ni", rows, weight, h)
+    weighted = weight[:, None] * rows.swapaxes(1, 2)
+    normal, right = weighted @ rows, (weighted @ h[:, :, None])[..., 0]
     values, vectors = np.linalg.eigh(normal)
     known = values > _DETERMINED * values[:, -1:]
     shares = np.einsum("nij,ni->nj", vectors, right)

@@ -29,6 +29,10 @@ SNES, FELUPE = "DOLFINx, SNES", "FElupe"
 # Codes with a ratio of times on pages, and their short names there.
 _SHORT = {DESCENT: "descent", FELUPE: "felupe"}
 
+# Elements along each side of plies that are formed in few steps, with the fastest code,
+# and number of steps.
+_PARTS, _FEW = (24, 48), 5
+
 # Penalties in N/mm³.  With the last one, close to a constraint, only the fastest code.
 _SOFT, _STIFF = (0.5, 5.0), 50.0
 
@@ -55,7 +59,8 @@ class Case:
     def __str__(self) -> str:
         made = self.forming
         rubs = f", μ {made.friction:g}" if made.friction else ""
-        return f"{made.parts}×{made.parts} to {made.depth:g} mm{rubs}"
+        size = f"{made.parts}×{made.parts}"
+        return f"{size} to {made.depth:g} mm in {self.steps} steps{rubs}"
 
     def rows(self) -> list[Row]:
         """Forces, draw-in, solves and times of each code, a row for each travel."""
@@ -73,6 +78,7 @@ class Case:
             {
                 "case": str(self),
                 "parts": self.forming.parts,
+                "steps": self.steps,
                 "friction": self.forming.friction,
                 "penalty": penalty,
                 "code": name,
@@ -121,6 +127,7 @@ def courses(rows: Sequence[Row]) -> str:
     heads = [
         *(
             "elements",
+            "steps",
             "friction",
             "penalty in N/mm³",
             "code",
@@ -133,6 +140,7 @@ def courses(rows: Sequence[Row]) -> str:
     lines = [
         [
             f"{row['parts']}×{row['parts']}",
+            f"{row['steps']}",
             f"{row.get('friction') or 0:g}",
             "–" if row["penalty"] is None else f"{row['penalty']:g}",
             row["code"],
@@ -159,7 +167,10 @@ class FormingRival(Study[Case]):
         soft = [(penalty, name) for penalty in _SOFT for name in CODES]
         rubbing = tuple((penalty, SNES) for penalty in _SOFT)
         quick = tuple((_SOFT[0], name) for name in CODES)
+        fastest = tuple((penalty, DESCENT) for penalty in (*_SOFT, _STIFF))
+        few = [Case(Forming(parts=parts), fastest, steps=_FEW) for parts in _PARTS]
         return [
+            *few,
             Case(Forming(), (*soft, (_STIFF, DESCENT))),
             Case(Forming(parts=6, depth=30.0), quick, steps=2),
             Case(Forming(parts=12, friction=0.2), rubbing),
@@ -176,12 +187,13 @@ class FormingRival(Study[Case]):
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """Differences of the force and ratios of the times at the full depth."""
+        smooth = [x for x in differences(rows) if not x[0].get("friction")]
         (ours, _), *others = [
             (row, off)
-            for row, off in differences(rows)
-            if row["parts"] > 6 and not row.get("friction")
+            for row, off in smooth
+            if row["parts"] > 6 and row["steps"] > _FEW
         ]
-        found = _with_friction(rows)
+        found = _with_friction(rows) | _in_few_steps(smooth)
         for i, penalty in enumerate((*_SOFT, _STIFF), 1):
             of_penalty = [
                 (row, off) for row, off in others if row["penalty"] == penalty
@@ -194,6 +206,18 @@ class FormingRival(Study[Case]):
                 if name := _SHORT.get(row["code"]):
                     found[f"{name}_{i}"] = f"{ratio:.2g}"
         return found
+
+
+def _in_few_steps(ends: Sequence[tuple[Row, float]]) -> dict[str, str]:
+    """Ratios of the times in few steps, by elements and penalty."""
+    found = {}
+    few = [row for row, _ in ends if row["steps"] == _FEW]
+    for parts in _PARTS:
+        ours, *others = [row for row in few if row["parts"] == parts]
+        for i, row in enumerate(others, 1):
+            ratio = row["seconds"] / ours["seconds"]
+            found[f"descent_of_{parts}_{i}"] = f"{ratio:.2g}"
+    return found
 
 
 def _with_friction(rows: Sequence[Row]) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Small forming problems with friction, drawn at random."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,9 +22,10 @@ from skfem_textile import (
     drape,
     io,
 )
-from skfem_textile.contact import Compaction
+from skfem_textile.contact import Compaction, Process
 
 from ..forming import triangles
+from .in_phases import Plan, opened
 
 #: Kinds of cases: those on which the library was mended, and those that judge it.
 MENDED, JUDGED = "mended", "judged"
@@ -36,6 +37,9 @@ HEMISPHERE, DOME, STL, DRUM, PLATE = TOOLS = (
 
 # Shares of the tools.
 _SHARES = 0.27, 0.13, 0.15, 0.2, 0.25
+
+#: Motion of a process in phases, see `Plan`, and its share.
+PHASES, _SHARE_OF_PHASES = "phases", 0.35
 
 #: Motions: paths of the travel, with sideways motion or rotation.
 _PRESSED = "up", "back", "twice", "opened", "sideways", "turned"
@@ -69,11 +73,25 @@ Motion = Callable[[float], tuple[ndarray, ndarray]]
 
 
 class Problem(NamedTuple):
-    """A ply with its conditions, and the motions of its tools by name."""
+    """A ply with its conditions, and what its tools do.
+
+    Attributes
+    ----------
+    ply, conditions
+        The ply and its conditions.
+    motions
+        Motions of the tools that move, by name.
+    amounts
+        Gap, pressure or force of holders as functions of the load factor, by name.
+    process
+        The process in phases; None for other motions.
+    """
 
     ply: Ply
     conditions: dict[str, Condition]
     motions: dict[str, Motion]
+    amounts: dict[str, Callable[[float], float]]
+    process: Process | None
 
 
 def _path(name: str, t: float) -> float:
@@ -114,6 +132,8 @@ class Drawn:
         Rotation in degrees and sideways motion in mm.
     load
         Pressure of a holder in N/mm².
+    plan
+        Phases of the motion ``phases``; None for other motions.
     """
 
     tools: str
@@ -138,6 +158,7 @@ class Drawn:
     turn: float
     shift: float
     load: float
+    plan: Plan | None
 
     @classmethod
     def of(cls, kind: str, number: int, seed: int) -> "Drawn":
@@ -156,9 +177,17 @@ class Drawn:
         tools = chosen(TOOLS, _SHARES)
         motions = {DRUM: _DRUM_MOTIONS, PLATE: _PLATE_MOTIONS}.get(tools, _PRESSED)
         motion = chosen(motions)
+        if rng.random() < _SHARE_OF_PHASES:
+            motion = PHASES
         holders = "none", "gap", "pressure", "force", "pressures", "forces"
+        plan = None
+        if motion == PHASES:
+            kind_of = {DRUM: "drum", PLATE: "plate"}.get(tools, "punch")
+            plan = Plan.of(kind_of, chosen, turns=tools != DOME)
         corners = motion in ("back", "twice", "opened", "shaken", "turned back")
+        steps = chosen(_STEPS_OF_CORNERS if corners else _STEPS, _SHARES_OF_STEPS)
         asymmetric = tools in (DRUM, PLATE) or motion in ("sideways", "turned")
+        asymmetric |= plan is not None and plan.turn(1.0) != 0
         ends = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0)
         return cls(
             tools,
@@ -167,7 +196,7 @@ class Drawn:
             chosen((6, 7, 8, 9, 10), _SHARES_OF_PARTS),
             chosen(("squares", "triangles"), (0.85, 0.15)),
             bool(asymmetric or rng.random() < 0.1),
-            chosen(_STEPS_OF_CORNERS if corners else _STEPS, _SHARES_OF_STEPS),
+            steps if plan is None else plan.steps,
             (chosen(ends), chosen(ends), between(0.0, 1.0)),
             chosen((0.0, 0.5, 1.0), (0.15, 0.15, 0.7)),
             scaled(0.002, 0.2),
@@ -183,6 +212,7 @@ class Drawn:
             between(10.0, 90.0),
             between(0.5, 5.0),
             scaled(2e-4, 5e-3),
+            plan,
         )
 
     def problem(self) -> Problem:
@@ -194,7 +224,8 @@ class Drawn:
 
     def coefficients(self) -> dict[str, Callable[[float], float]]:
         """Coefficients of friction over the load factor, by the name of a tool."""
-        mu = [partial(_grown, x, self.growth) for x in self.friction]
+        grown = self.plan.friction if self.plan else partial(_grown, self.growth)
+        mu = [partial(grown, x) for x in self.friction]
         segments = {f"segment_{i + 1}": mu[2] for i in range(4)}
         of_punch = dict.fromkeys(("punch", "drum", "plate"), mu[0])
         return {**of_punch, "die": mu[1], "holder": mu[2], **segments}
@@ -202,10 +233,51 @@ class Drawn:
     def _rub(self, i: int) -> dict[str, Any]:
         """Arguments of a tool for its friction."""
         mu = self.friction[i]
-        if self.growth == 1.0:
+        if self.growth == 1.0 or self.plan:
             return {"friction": mu, "elastic_slip": self.slip}
-        changing = partial(_grown, mu, self.growth)
+        changing = partial(_grown, self.growth, mu)
         return {"friction": changing, "elastic_slip": self.slip}
+
+    def _problem(
+        self,
+        mesh: Any,
+        pulls: list[Traction],
+        tools: list[Any],
+        held: dict[str, Condition],
+        *moves: Any,
+        mirrors: Sequence[str] = (),
+    ) -> Problem:
+        """The ply with its loads and tools, of which the first moves.
+
+        ``moves`` are the whole travel, shape (3,), the whole rotation in radians and
+        its axis, for a process in phases.
+        """
+        motions = {tools[0].name: tools[0].motion}
+        stated = {
+            tool.name: (what, value)
+            for tool in tools
+            for what in ("gap", "pressure", "force")
+            if (value := getattr(tool, what, None)) is not None
+        }
+        amounts, process = {k: _function(x) for k, (_, x) in stated.items()}, None
+        if self.plan:
+            whole = {k: (what, _function(x)(1.0)) for k, (what, x) in stated.items()}
+            rest = [_at_rest(tool, whole.get(tool.name)) for tool in tools]
+            frictions = {tool.name: tool.friction for tool in tools}
+            process = self.plan.process(rest, frictions, whole, *moves)
+            tools = [*process.tools]
+            amounts = {
+                name: partial(self.plan.amount, value, what == "gap")
+                for name, (what, value) in whole.items()
+            }
+        fabric = Fabric(self.E, self.G, bending=(self.D, self.D))
+        options: dict[str, Any] = {}
+        if mirrors:
+            options["fibre_ends"] = dict.fromkeys(mirrors, "mirror")
+        if self.element == "triangles":
+            options["formulation"] = Quadratic()
+        ply = Ply(mesh, fabric, terms=[*pulls, *tools], dimension=3, **options)
+        return Problem(ply, held, motions, amounts, process)
 
     def _mesh(self, half: float) -> Any:
         parts = self.parts
@@ -214,13 +286,6 @@ class Drawn:
         if self.element == "triangles":
             return mesh.to_meshtri().with_defaults()
         return mesh.with_defaults()
-
-    def _ply(self, mesh: Any, terms: list[Any], ends: Any = None) -> Ply:
-        fabric = Fabric(self.E, self.G, bending=(self.D, self.D))
-        options: dict[str, Any] = {"fibre_ends": ends} if ends else {}
-        if self.element == "triangles":
-            options["formulation"] = Quadratic()
-        return Ply(mesh, fabric, terms=terms, dimension=3, **options)
 
     def _pressed(self) -> Problem:
         """Punch from below, die and holder above."""
@@ -242,6 +307,9 @@ class Drawn:
         name = self.motion if self.motion in _PATHS else "up"
 
         def motion(t: float) -> tuple[ndarray, ndarray]:
+            if plan := self.plan:
+                angle = np.radians(self.turn) * plan.turn(t)
+                return _turn(2, angle), np.array([0.0, 0.0, travel * plan.travel(t)])
             late = float(np.interp(t, *_HALFWAY))
             beside = min(self.shift, 0.5 * self.clearance) * (self.motion == "sideways")
             angle = np.radians(self.turn) * (self.motion == "turned")
@@ -265,17 +333,15 @@ class Drawn:
                 Traction("left", (-q, 0, 0), factor=1.0),
                 Traction("bottom", (0, -q, 0), factor=1.0),
             ]
-            return Problem(
-                self._ply(mesh, [*pulls, *tools]),
-                _middles(half, self.parts),
-                {"punch": motion},
-            )
-        held = {
-            "x": Condition("left", (0.0, None, None)),
-            "y": Condition("bottom", (None, 0.0, None)),
-        }
-        ends = {"left": "mirror", "bottom": "mirror"}
-        return Problem(self._ply(mesh, [*pulls, *tools], ends), held, {"punch": motion})
+            held, mirrors = _middles(half, self.parts), []
+        else:
+            held = {
+                "x": Condition("left", (0.0, None, None)),
+                "y": Condition("bottom", (None, 0.0, None)),
+            }
+            mirrors = ["left", "bottom"]
+        moves = np.array([0.0, 0.0, travel]), np.radians(self.turn)
+        return self._problem(mesh, pulls, tools, held, *moves, mirrors=mirrors)
 
     def _holders(self, z: float, hole: float, half: float) -> list[Holder]:
         """Holder around the opening, alone or in four segments."""
@@ -327,13 +393,15 @@ class Drawn:
         centre, travel = np.array([0.0, 0.0, -R - z]), 0.5 * self.depth * R
 
         def motion(t: float) -> tuple[ndarray, ndarray]:
-            path = self.motion if self.motion == "back" else "up"
-            angle = 0.0
-            if self.motion.startswith("turned"):
+            path, angle = self.motion if self.motion == "back" else "up", 0.0
+            moved = travel * (self.plan.travel(t) if self.plan else _path(path, t))
+            if self.plan:
+                angle = np.radians(self.turn) * self.plan.turn(t)
+            elif self.motion.startswith("turned"):
                 back = "back" if self.motion == "turned back" else "up"
                 angle = np.radians(self.turn) * _path(back, t)
             R = _turn(1, angle)
-            return R, centre - R @ centre + [0, 0, travel * _path(path, t)]
+            return R, centre - R @ centre + [0, 0, moved]
 
         tools = [Tool(drum, motion, side=1, name="drum", **self._rub(0))]
         mesh, q = self._mesh(half), self.tension
@@ -342,29 +410,48 @@ class Drawn:
             "z": Condition("right", (None, None, 0.0)),
         }
         pull = Traction("right", (q, 0, 0), factor=1.0)
-        return Problem(self._ply(mesh, [pull, *tools]), held, {"drum": motion})
+        moves = np.array([0, 0, travel]), np.radians(self.turn), ((0, 1, 0), centre)
+        return self._problem(mesh, [pull], tools, held, *moves)
 
     def _on_plate(self) -> Problem:
         """Ply held at one edge, between a plate that moves and a holder."""
         half = 50.0
 
         def motion(t: float) -> tuple[ndarray, ndarray]:
+            if plan := self.plan:
+                return _turn(2, whole * plan.turn(t)), self.shift * plan.travel(
+                    t
+                ) * axis
             if self.motion.startswith("turned"):
                 back = "back" if self.motion == "turned back" else "up"
-                return _turn(2, 0.3 * np.radians(self.turn) * _path(back, t)), 0 * axis
+                return _turn(2, whole * _path(back, t)), 0 * axis
             return np.eye(3), self.shift * _path(self.motion, t) * axis
 
-        axis = np.array([0.8, 0.6, 0.0])
+        axis, whole = np.array([0.8, 0.6, 0.0]), 0.3 * np.radians(self.turn)
         plate = Tool(drape.Plane(), motion, side=1, name="plate", **self._rub(0))
         holder = Holder(drape.Plane(), pressure=self.load, side=1, **self._rub(2))
         held = {"clamp": Condition("left", (0.0, 0.0, None))}
         mesh = self._mesh(half)
         pull = Traction("right", (self.tension, 0, 0), factor=1.0)
-        return Problem(self._ply(mesh, [pull, plate, holder]), held, {"plate": motion})
+        moves = self.shift * axis, whole
+        return self._problem(mesh, [pull], [plate, holder], held, *moves)
 
 
-def _grown(mu: float, growth: float, t: float) -> float:
+def _grown(growth: float, mu: float, t: float) -> float:
     return mu * (1 + (growth - 1) * t)
+
+
+def _function(value: Any) -> Callable[[float], float]:
+    """An amount as a function of the load factor."""
+    return value if callable(value) else lambda t: value
+
+
+def _at_rest(tool: Any, amount: tuple[str, float] | None) -> Any:
+    """A tool before the first phase, with the whole gap, pressure or force of one."""
+    if amount is None:
+        return replace(tool, motion=None)
+    what, value = amount
+    return replace(tool, motion=None, **{what: opened(value, what == "gap")})
 
 
 def _rising(force: float, t: float) -> float:

@@ -13,11 +13,11 @@ from skfem_textile.solve.states import Iteration
 from ..common.running import errors_only, run
 from ..common.tables import markdown_table
 from ..study import Row
-from .drawn import JUDGED, MONOTONE, TOOLS, Drawn, Problem
+from .drawn import JUDGED, MONOTONE, PHASES, TOOLS, Drawn, Problem
 from .oracle import LIMITS, Oracle
 
 #: Seed of all cases, and number of stored ones, which judge the library.
-SEED, NUMBER = 2, 160
+SEED, NUMBER = 5, 160
 
 #: Outcomes of a case.
 RIGHT, REFUSED, WRONG = OUTCOMES = "right", "refused", "wrong"
@@ -47,6 +47,7 @@ class Extreme:
         drawn = Drawn.of(self.kind, self.number, self.seed)
         row: Row = {"case": str(self), **asdict(drawn)}
         row["friction"] = " ".join(f"{mu:.2g}" for mu in drawn.friction)
+        row["plan"] = str(drawn.plan or "")
         with errors_only():
             problem, result, refused = _run(drawn, drawn.steps)
             row |= {"outcome": REFUSED if refused else RIGHT, "cause": refused}
@@ -60,7 +61,10 @@ class Extreme:
                 "balance": oracle.missed / max(oracle.moved, 1e-300),
                 **oracle.worst,
             }
-            if broken := oracle.broken():
+            broken = oracle.broken()
+            if not refused and not _ends_with_phases(drawn, problem, result):
+                broken.append("end of a phase")
+            if broken:
                 row |= {"outcome": WRONG, "cause": ", ".join(broken)}
             if not refused and drawn.motion in MONOTONE and drawn.steps <= _COMPARED:
                 row |= _compared(drawn, result)
@@ -80,7 +84,9 @@ def _run(drawn: Drawn, steps: int) -> tuple[Problem | None, Result | None, str]:
     try:
         problem = drawn.problem()
         stepper = LoadStepper(
-            problem.ply, problem.conditions, steps=steps, on_iteration=count
+            *(problem.ply, problem.conditions),
+            steps=problem.process.steps if problem.process else steps,
+            on_iteration=count,
         )
         return problem, *run(stepper)
     except _TooLongError:
@@ -94,12 +100,20 @@ def _judged(drawn: Drawn, problem: Problem, result: Result) -> Oracle:
     ply = problem.ply
     fixed = Constraints(ply.basis, problem.conditions).fixed
     oracle = Oracle(
-        *(ply, problem.motions, drawn.coefficients()),
+        *(ply, problem.motions, drawn.coefficients(), problem.amounts),
         *(drawn.slip, fixed, drawn.whole),
     )
     for state in result.states:
         oracle.judge(state)
     return oracle
+
+
+def _ends_with_phases(drawn: Drawn, problem: Problem, result: Result) -> bool:
+    """True if the states at the ends of phases have the load factors of the plan."""
+    if drawn.plan is None or problem.process is None:
+        return True
+    found = [result.states[i].load_factor for i in problem.process.at_ends(result)]
+    return np.array_equal(found, drawn.plan.ends[1:])
 
 
 def _compared(drawn: Drawn, result: Result) -> Row:
@@ -139,20 +153,21 @@ def extremes() -> list[Extreme]:
 def outcomes(rows: list[Row]) -> str:
     """Number of cases by tools and outcome, and of accepted ones with a warning."""
     lines = []
-    for tools in TOOLS:
-        of = [row for row in rows if row["tools"] == tools]
+    kinds = {tools: [row for row in rows if row["tools"] == tools] for tools in TOOLS}
+    kinds["all"] = rows
+    kinds["of all, in phases"] = [row for row in rows if row["motion"] == PHASES]
+    for kind, of in kinds.items():
         counts = Counter(row["outcome"] for row in of)
         warned = sum(row["outcome"] == RIGHT and not row["resolved"] for row in of)
         found = [counts[outcome] for outcome in OUTCOMES]
-        lines.append([tools, len(of), *found, warned])
-    total = np.array([line[1:] for line in lines]).sum(axis=0)
+        lines.append([kind, len(of), *found, warned])
     heads = [
         "tools",
         "drawn",
         *OUTCOMES,
         "right with the warning of an unresolved path",
     ]
-    return markdown_table(heads, [*lines, ["all", *total]])
+    return markdown_table(heads, lines)
 
 
 def causes(rows: list[Row]) -> str:

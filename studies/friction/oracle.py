@@ -63,6 +63,9 @@ class Contact:
     term, motion, mu, slip
         Term of the tool, whose normal forces are judged too; its motion, coefficient of
         friction and elastic slip.
+    amount
+        Gap, pressure or force of a holder as a function of the load factor; None for a
+        tool.
     x, s
         Last places and friction forces of the points in the axes of the tool.
     work
@@ -73,6 +76,7 @@ class Contact:
     motion: Motion
     mu: Callable[[float], float]
     slip: float
+    amount: Any
     x: ndarray
     s: ndarray
     work: float = 0.0
@@ -88,8 +92,12 @@ class Contact:
         size[size == 0] = np.inf
         distance = obstacle.surface.level(at) / size
         side = obstacle.side if obstacle.reach is None else -obstacle.side
-        room = 0.0 if obstacle.reach is None else obstacle.reach(t)
-        return side * distance + room, side * R @ (gradient / size)
+        return side * distance + self.room(t), side * R @ (gradient / size)
+
+    def room(self, t: float) -> float:
+        """Gap of a holder that keeps one; 0 for other tools."""
+        keeps = self.term._obstacle.reach and not isinstance(self.term, HolderPressure)
+        return self.amount(t) if keeps else 0.0
 
     def slid(
         self, x: ndarray, t: float, n: ndarray, normal_force: ndarray
@@ -124,7 +132,8 @@ class Contact:
     ) -> tuple[ndarray, ndarray]:
         """Work on each point in a step by the forces at its start and at its end, N·mm.
 
-        A tool moves by its motion.  The pressure of a holder moves with the ply.
+        A tool moves by its motion, and a holder with a gap also along its normal as
+        the gap changes.  The pressure of a holder moves with the ply.
 
         Parameters
         ----------
@@ -138,13 +147,15 @@ class Contact:
             one, other = ((touch.normal * (x - x_0)).sum(axis=0) for touch in touches)
             return one, other
         (R_0, c_0), (R, c) = self.motion(t_0), self.motion(t)
-        works = []
+        closed, works = self.room(t_0) - self.room(t), []
         for place, (turn, shift), touch in zip(
             (x_0, x), ((R_0, c_0), (R, c)), touches, strict=True
         ):
             local = turn.T @ (place - shift[:, None])
             moved = (R - R_0) @ local + (c - c_0)[:, None]
-            works.append(((touch.normal - touch.friction) * moved).sum(axis=0))
+            pressed = np.linalg.norm(touch.normal, axis=0) * closed
+            pushed = touch.normal - touch.friction
+            works.append((pushed * moved).sum(axis=0) + pressed)
         return works[0], works[1]
 
 
@@ -194,6 +205,8 @@ class Oracle:
         Motions of tools by name; the others do not move.
     frictions
         Coefficient of friction as a function of the load factor, by name.
+    amounts
+        Gap, pressure or force of holders as functions of the load factor, by name.
     slip
         Elastic slip of all tools in mm.
     fixed
@@ -216,6 +229,7 @@ class Oracle:
         ply: Ply,
         motions: Mapping[str, Motion],
         frictions: Mapping[str, Callable[[float], float]],
+        amounts: Mapping[str, Callable[[float], float]],
         slip: float,
         fixed: ndarray,
         whole: bool,
@@ -236,7 +250,8 @@ class Oracle:
             motion = motions.get(term.name, still)
             R, c = motion(0.0)
             at, mu = R.T @ (self._X - c[:, None]), frictions[term.name]
-            self.contacts.append(Contact(term, motion, mu, slip, at, 0 * at))
+            given = mu, slip, amounts.get(term.name)
+            self.contacts.append(Contact(term, motion, *given, at, 0 * at))
         self._size = float(np.ptp(self._X, axis=1).max())
         self.worst = dict.fromkeys(LIMITS, 0.0)
         self.missed = self.excess = self.moved = 0.0
@@ -324,7 +339,9 @@ class Oracle:
         p = state.parameters[term.name]
         N = np.linalg.norm(touch.normal, axis=0)
         if isinstance(term, HolderPressure):
-            if term.rigid and (total := term.rigid.force(t)):
+            # Undeformed areas: the surface is a plane.
+            total = one.amount(t) * (1.0 if term.rigid else p["areas"].sum())
+            if total:
                 self._record("holder force", abs(N.sum() / total - 1))
         else:
             reached = np.isfinite(term.gaps(u, t))

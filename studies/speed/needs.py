@@ -111,13 +111,13 @@ def _middle(values: Sequence[float]) -> dict[str, float]:
 def run(kind: str, name: str, elements: int) -> Row:
     """Results of a process of `one_ply`."""
     words = "-m", "studies.speed.one_ply", kind, name, str(elements)
-    results: Row = json.loads(_output(words))
+    results: Row = json.loads(output_of(words))
     return results
 
 
 def _import(modules: Sequence[str]) -> float:
     """CPU time in s to import modules."""
-    return float(_output(("-c", _IMPORT), json.dumps(modules)))
+    return float(output_of(("-c", _IMPORT), json.dumps(modules)))
 
 
 def _costs(results: Row) -> dict[str, float]:
@@ -138,7 +138,8 @@ def own_modules(results: Row) -> list[str]:
     return [m for m in results["modules"] if m.partition(".")[0] == package]
 
 
-def _output(words: Sequence[str], text: str = "") -> str:
+def output_of(words: Sequence[str], text: str = "") -> str:
+    """Output of a new Python process with these arguments and standard input."""
     command = [sys.executable, *words]
     child = subprocess.run(
         command,

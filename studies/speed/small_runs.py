@@ -4,6 +4,7 @@ Functions of `PARTS` are replaced by ones that measure; the time of a part exclu
 parts that it calls.
 """
 
+import json
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import cached_property, wraps
@@ -14,6 +15,7 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+from skfem import Mesh
 
 from skfem_textile import LoadStepper, Ply
 from skfem_textile.mesh.progress import unlogged
@@ -22,11 +24,27 @@ from skfem_textile.scenes import Scene
 
 from ..common.tables import Row, markdown_table
 from ..formulations.cases import MEAN_QUADRATIC, STRIP, Case
+from .needs import output_of
 from .solving import Settings
 
 # Edges across the strip, quadratic triangles in one step; number of runs, and the share
-# of them, the fastest, of which the times are the mean.
-_ACROSS, _RUNS, _SHARE = (4, 8), 400, 0.05
+# of them, the fastest, of which the times are the mean; number of new processes.
+_ACROSS, _RUNS, _SHARE, _PROCESSES = (4, 8), 400, 0.05, 5
+
+# The first run of a process, which prints its processor time in s, imports included.
+_FIRST = """
+import json, sys
+from time import process_time
+import numpy as np
+from skfem import MeshTri
+from skfem_textile import Fabric, LoadStepper, Ply, Quadratic
+from skfem_textile.scenes import strip
+p, t = map(np.array, json.load(sys.stdin))
+scene = strip(MeshTri(p, t))
+ply = Ply(scene.mesh, Fabric(1e4, 0.0, scene.warp, scene.weft), Quadratic(80.0))
+LoadStepper(ply, scene.conditions, 1, solver="rslab").run()
+print(process_time())
+"""
 
 #: Functions of each part, ``module:name``, relative to the library; the rest is last.
 PARTS: dict[str, tuple[str, ...]] = {
@@ -93,6 +111,7 @@ def _small_run(across: int) -> Row:
         "linear_solves": result.linear_solves,
         "whole": whole,
         "again": again,
+        "first": _first(scene.mesh),
         "parts": parts,
     }
 
@@ -110,6 +129,12 @@ def _fastest(run: Callable[[], object]) -> float:
         run()
         times.append(process_time() - start)
     return 1e3 * float(np.mean(sorted(times)[: round(_SHARE * _RUNS)]))
+
+
+def _first(mesh: Mesh) -> float:
+    """Processor time in ms of the fastest of new processes, which run once."""
+    text = json.dumps([mesh.p.tolist(), mesh.t.tolist()])
+    return 1e3 * min(float(output_of(("-c", _FIRST), text)) for _ in range(_PROCESSES))
 
 
 class _Clock:
@@ -174,6 +199,8 @@ def small_runs_table(results: Row) -> str:
     rows = [[part, *(f"{run['parts'][part]:.1f}" for run in runs)] for part in PARTS]
     for name, key in (("whole", "whole"), ("again, on the same ply", "again")):
         rows.append([name, *(f"{run[key]:.1f}" for run in runs)])
+    first = [f"{run['first']:.0f}" for run in runs]
+    rows.append(["first of a new process, with imports", *first])
     for name, key in (("unknowns", "unknowns"), ("linear solves", "linear_solves")):
         rows.append([name, *(str(run[key]) for run in runs)])
     return markdown_table(head, rows)

@@ -34,7 +34,7 @@ from ..common.rivals.codes import Dolfinx, FElupe, Native, Plain
 from ..common.rivals.newton import loaded, one_iteration
 from ..common.rivals.rival import QUAD4, QUAD4_CENTRE, Rival, Task
 from ..common.running import in_new_process
-from ..common.tables import Row
+from ..common.tables import Column, Row
 
 # Fibre and shear stiffness in N/mm, and load factor of iterations.
 _E, _G, _LOAD_FACTOR = 1e4, 0.5, 0.02
@@ -535,6 +535,16 @@ def compared(settings: Settings) -> dict[str, Path]:
     if len(checkouts) < 2:
         raise ValueError(f"{settings.before} and {settings.after} are the same commit")
     return checkouts
+
+
+def two_commits(results: Row) -> dict[str, Column]:
+    """Columns of times in two checkouts, and of their ratio."""
+    before, after = results["commits"]
+    return {
+        f"commit {before}, s": "{before:.3g}",
+        f"commit {after}, s": "{after:.3g}",
+        "ratio": lambda row: f"{row['before'] / row['after']:.3g}",
+    }
 
 
 def in_checkout(checkout: Path, script: str, *arguments: str) -> Any:

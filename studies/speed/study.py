@@ -14,7 +14,6 @@ from ..common import provenance
 from ..common.figures import File, colour_of, panels_of
 from ..common.running import in_new_process
 from ..common.tables import (
-    Column,
     having,
     markdown_table,
     minus,
@@ -24,10 +23,19 @@ from ..common.tables import (
     thousands,
 )
 from ..study import Part, Row, Study, Table
-from . import needs, plain_forms, processes, profile, small_runs, solving, whole_runs
+from . import (
+    drapes,
+    needs,
+    plain_forms,
+    processes,
+    profile,
+    small_runs,
+    solving,
+    whole_runs,
+)
 from .needs import COSTS, added
 from .one_ply import UNUSED
-from .solving import PARTS, Settings
+from .solving import PARTS, Settings, two_commits
 
 #: The benchmarks by name.
 BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
@@ -45,6 +53,7 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "plain_forms": plain_forms.plain_forms,
     "overhead": solving.overhead,
     "by_turns": solving.by_turns,
+    "drapes": drapes.drapes,
 }
 
 _PICTURES = "needs.png", "needs.svg"
@@ -212,16 +221,7 @@ def overhead_table(results: Row) -> str:
 def by_turns_table(results: Row) -> str:
     """A line for each formulation."""
     columns = {"linear solve with its assembly": "{formulation}"}
-    return table(results["turns"], {**columns, **_two_commits(results)})
-
-
-def _two_commits(results: Row) -> dict[str, Column]:
-    before, after = results["commits"]
-    return {
-        f"commit {before}, s": "{before:.3g}",
-        f"commit {after}, s": "{after:.3g}",
-        "ratio": lambda row: f"{row['before'] / row['after']:.3g}",
-    }
+    return table(results["turns"], {**columns, **two_commits(results)})
 
 
 def _share(share: Mapping[str, float]) -> str:
@@ -421,6 +421,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "plain_forms": {"plain_forms.md": plain_forms.plain_forms_table},
     "overhead": {"overhead.md": overhead_table},
     "by_turns": {"by_turns.md": by_turns_table},
+    "drapes": {"drapes.md": drapes.drapes_table},
 }
 
 
@@ -451,7 +452,8 @@ class Speed(Study[Benchmark]):
     def cases(self, options: argparse.Namespace) -> list[Benchmark]:
         settings = Settings(*(getattr(options, name) for name in Settings._fields))
         compared = options.before and options.after
-        names = [name for name in BENCHMARKS if name != "by_turns" or compared]
+        two = "by_turns", "drapes"
+        names = [name for name in BENCHMARKS if name not in two or compared]
         return [Benchmark(name, settings) for name in names]
 
     def line(self, rows: list[Row]) -> str:

@@ -52,6 +52,24 @@ def moved(*rows, name="up", **others):
     return {"name": name, "steps": 1, "tools": {"punch": {"motion_mm": rows}}} | others
 
 
+def test_the_tool_that_moves_farthest_is_reported_whatever_the_order():
+    """Not a holder with a force, which has no reaction, even if it moves farther."""
+    plate = {"surface": "plane", "name": "plate", "point_mm": [0, 0, 9]}
+    apart = {"name": "apart", "steps": 1, "tools": {"holder": {"motion_mm": [0, 0, 9]}}}
+    for order in ([HOLDER, plate, PUNCH], [plate, PUNCH, HOLDER]):
+        for phase in moved(0, 0, 6), apart | moved(0, 0, 6):
+            case = case_from_tables(tables(phase) | {"tools": order})
+            assert case.scene.driven == "punch"
+    rows = PUNCH | {"motion_mm": [[0, 0, 0, 0], [0.5, 0, 0, 6], [1, 0, 0, 0]]}
+    plain = {"scene": FORMING, "mesh": {"size": [3, 3]}, "tools": [plate, rows]}
+    assert case_from_tables(plain).scene.driven == "punch"
+
+
+def test_holders_alone_are_refused():
+    with pytest.raises(ValueError, match="there is no tool against which it presses"):
+        case_from_tables(tables(GRAVITY) | {"tools": [HOLDER]})
+
+
 def test_tools_of_a_case_follow_the_phases():
     case = case_from_tables(tables(GRAVITY, LIFT))
     punch, holder = case.scene.tools
@@ -137,6 +155,10 @@ SCENE = {"name": "hemisphere_forming"}
         (
             "phase 'up': there is no tool 'pnch': choose from punch, holder",
             tables(moved(0, 0, 1, tools={"pnch": {"motion_deg": 1}})),
+        ),
+        (
+            r"a tool has the name '\*', which selects all: rename it",
+            tables(GRAVITY, tools=[PUNCH | {"name": "*"}, HOLDER]),
         ),
         (
             "stepping.steps does not apply beside",

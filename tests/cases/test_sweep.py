@@ -19,6 +19,7 @@ from skfem_textile.cases.read import varied, with_value
 from skfem_textile.cases.sweep import (
     REACHED,
     REASON,
+    CaseSweep,
     _value_at,
     axis_of,
     resolved_case,
@@ -297,6 +298,16 @@ def test_values_of_any_kind_are_written_to_a_case():
     assert '"a.c" = [true, false]' in text
 
 
+def test_a_picture_has_numbers_for_tables_and_rows():
+    key = "phases.up.tools.holder.force_N"
+    tables = [{"travel_of": "punch", "rows": [[0, 2], [9, last]]} for last in (5, 7)]
+    vary = {key: (*tables, 5.0, [0, 1])}
+    rows = [{key: value, "reason": ""} for value in vary[key]]
+    values, _, _ = CaseSweep(vary, rows).drawn
+    shown = ["value 1", "value 2", 5.0, [0, 1]]
+    assert values == {"Holder force in phase up (N)": shown}
+
+
 @pytest.mark.parametrize(
     ("key", "label"),
     [
@@ -307,6 +318,7 @@ def test_values_of_any_kind_are_written_to_a_case():
         ("tools.*.friction", "Friction"),
         ("phases.up.tools.punch.friction", "Punch friction in phase up"),
         ("phases.up.steps", "Steps in phase up"),
+        ("phases.up.tools.holder.force_N", "Holder force in phase up (N)"),
     ],
 )
 def test_an_axis_has_the_unit_of_its_key(key, label):

@@ -284,9 +284,35 @@ def test_steps_that_pass_a_turning_point_of_rows_are_refused(key, rows):
         case_from_tables(tables(PUNCH | {key: rows}, DIE, stepping={"steps": n}))
         for n in (2, 20)
     )
-    message = f"tool_1.{key} turns back at the load factor 0.55, within one of 2 steps"
+    message = f"tools.punch.{key} turns back at the load factor 0.55, within one of 2 "
     refused(two.stepper, message)
     twenty.stepper()
+
+
+@pytest.mark.parametrize("key", ["friction", "gap_mm", "force_N", "motion_deg"])
+def test_empty_rows_are_refused(key):
+    named = PUNCH | {"name": "stamp", key: []}
+    refused(lambda: case_from_tables(tables(named)), f"tools.stamp.{key} is empty")
+
+
+def test_a_number_that_is_not_finite_names_its_tool_and_phase():
+    gap = {"tools": {"stamp": {"friction": np.nan}}, "name": "press", "steps": 1}
+    for given, path in (
+        ({"friction": np.nan}, "tools.stamp.friction"),
+        ({"motion_mm": [0, 0, np.inf]}, "tools.stamp.motion_mm"),
+        ({}, "phases.press.tools.stamp.friction"),
+    ):
+        case = tables(PUNCH | {"name": "stamp"} | given)
+        case |= {} if given else {"phases": [gap]}
+        refused(lambda case=case: declared(case), f"{path} must be a finite number")
+
+
+def test_a_motion_of_all_tools_is_not_a_travel_of_the_scene():
+    still = {key: x for key, x in PUNCH.items() if key != "motion_mm"}
+    motions = {"punch": {"motion_mm": [0, 0, 2]}}, {"*": {"motion_mm": [0, 0, 9]}}
+    phases = [{"name": str(i), "steps": 1, "tools": x} for i, x in enumerate(motions)]
+    case = tables(still, scene={"name": "forming"}, phases=phases)
+    assert case_from_tables(case).steps == (1, 1)
 
 
 def test_rows_are_interpolated():

@@ -41,6 +41,39 @@ steps = 1
 tools.punch.motion_mm = [0, 0, 0]
 """
 
+SLID = """
+[scene]
+name = "forming"
+width_mm = 140
+height_mm = 140
+[mesh]
+size = [3, 3]
+[[tools]]
+name = "press"
+surface = "plane"
+point_mm = [0, 0, 0.3]
+side = -1
+pressure_N_per_mm2 = 0.001
+[[tools]]
+name = "stop"
+surface = "plane"
+point_mm = [0, 0, -9]
+[[tools]]
+name = "lid"
+surface = "plane"
+point_mm = [0, 0, 0.3]
+side = -1
+friction = 0.3
+[[phases]]
+name = "slide"
+steps = 1
+tools.lid.motion_mm = [3, 0, 0]
+[[phases]]
+name = "back"
+steps = 1
+tools.lid.motion_mm = [0, 0, 0]
+"""
+
 
 def rows(file):
     return [*csv.DictReader(file.read_text(encoding="utf-8").splitlines())]
@@ -103,6 +136,17 @@ def test_another_phase_is_described(run, tmp_path, capsys):
     assert main([*words, "output.describe=open"]) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert (summary["load_factor"], "described" in summary) == (1.0, False)
+
+
+def test_results_are_written_whatever_tool_is_the_first(tmp_path, capsys):
+    """A holder with a pressure; the ply is described where the lid is farthest."""
+    (tmp_path / "case.toml").write_text(SLID)
+    words = ["run", str(tmp_path / "case.toml"), "--no-render"]
+    assert main([*words, "--out", str(tmp_path / "out")]) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["lid_travel_mm"] == 3.0
+    assert "phase 'slide', load factor 0.5, where lid" in summary["described"]
+    assert summary["reaction_x"] == pytest.approx(summary["lid_force_N"])
 
 
 @pytest.mark.parametrize(

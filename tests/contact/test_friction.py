@@ -237,15 +237,15 @@ def test_a_rigid_holder_presses_on_quadratic_triangles(law):
 def test_a_sheared_part_of_the_ply_bears_more_of_the_force():
     law = Compaction(0.3, 1e-3, 8.0)
     areas, weight = np.array([3.0, 2.0, 0.0]), np.array([1.0, 1.2, 1.0])
-    pressures, distance = RigidHolder(lambda t: 5.0 * t, law).pressed(
+    pressures, distance = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(
         1.0, areas, weight
     )
     expected = law.pressure_at(distance / weight)
     assert pressures[:2] == pytest.approx(expected[:2], rel=1e-9)
     assert pressures[2] == 0.0
-    none = RigidHolder(lambda t: 5.0 * t, law).pressed(1e-20, areas, weight)
+    none = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(1e-20, areas, weight)
     assert not none.pressures.any()  # a force of round-off
-    none = RigidHolder(lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
+    none = RigidHolder("holder", lambda t: 5.0 * t, law).pressed(0.0, areas, weight)
     assert none.distance == pytest.approx(0.36)
     assert not none.pressures.any()
 
@@ -308,12 +308,15 @@ class Saturating:
 def test_a_large_force_has_a_thickness_or_the_law_is_refused():
     areas, force = np.array([100.0, 100.0]), 1e6
     measured = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03))
-    found = RigidHolder(lambda t: force, measured).pressed(1.0, areas, np.ones(2))
+    found = RigidHolder("holder", lambda t: force, measured).pressed(
+        1.0, areas, np.ones(2)
+    )
     assert 0 < found.distance < 1e-3
     expected = pytest.approx(force / 200.0, rel=1e-9)
     assert measured.pressure_at(found.distance) == expected
-    with pytest.raises(ValueError, match="carries less than the force 1e\\+06 N"):
-        RigidHolder(lambda t: force, Saturating()).pressed(1.0, areas, np.ones(2))
+    saturating = RigidHolder("holder 'ring'", lambda t: force, Saturating())
+    with pytest.raises(ValueError, match=r"^holder 'ring': .* than the force 1e"):
+        saturating.pressed(1.0, areas, np.ones(2))
 
 
 @pytest.mark.parametrize("last", [(0.010, 0.0101), (0.010, 0.02)])
@@ -705,6 +708,30 @@ def test_friction_of_a_tool_that_touches_nothing_is_a_warning(caplog):
     assert result.ply.contradictions(early) == []
 
 
+def lidded(height, **motion):
+    """Stepper of a ply that a punch pushes by 4 mm, below a lid with friction."""
+    punch = Tool(drape.Sphere(30.0, (0, 0, -30)), (0, 0, 4.0), name="punch")
+    surface = drape.Plane((0, 0, height))
+    lid = Tool(surface, side=-1, friction=0.2, name="lid", **motion)
+    fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0))
+    ply = Ply(grid(50.0, 50.0, 4, 4), fabric, terms=[punch, lid], dimension=3)
+    return LoadStepper(ply, {"edge": Condition("right", (0.1, 0.0, 0.0))}, steps=1)
+
+
+def test_friction_out_of_reach_is_a_warning_before_the_run(caplog):
+    lidded(5.0)
+    assert (
+        "friction of tool 'lid' may have no effect: it stays 5 mm away from the "
+        "undeformed ply, and supports and other tools move by 4.1 mm" in caplog.text
+    )
+
+
+@pytest.mark.parametrize(("height", "down"), [(4.0, 0.0), (5.0, -1.0)])
+def test_there_is_no_such_warning_of_a_tool_that_may_be_reached(height, down, caplog):
+    lidded(height, motion=(0, 0, down))
+    assert "friction" not in caplog.text
+
+
 def test_a_holder_with_a_force_stands_at_its_distance():
     """One with a prescribed pressure has no position."""
     law = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03))
@@ -731,6 +758,40 @@ def test_a_force_beyond_the_last_measured_point_is_a_warning(force, beyond):
         "compaction ends at 0.2 mm and is extrapolated"
     )
     assert [x for x in result.warnings if "compaction" in x] == [expected] * beyond
+
+
+@pytest.mark.parametrize(("slip", "warned"), [(0.5, False), (2.0, True)])
+def test_an_elastic_slip_of_the_size_of_elements_is_a_warning(slip, warned):
+    holder = Holder(PLANE, pressure=0.1, side=1, friction=0.3, elastic_slip=slip)
+    ply = Ply(grid(50.0, 10.0, 2, 1), Fabric(1e3, 1.0), terms=[holder], dimension=3)
+    state = SimpleNamespace(
+        u=ply.basis.zeros(), load_factor=1.0, parameters=ply.parameters_at_rest
+    )
+    expected = (
+        "friction of tool 'holder' is elastic up to a slip of 2 mm, its elastic_slip, "
+        f"over 5% of the size of an element, {ply.mesh.param():.3g} mm: it restrains "
+        "the ply too little: use 0.02 to 0.1 mm"
+    )
+    assert ply.contradictions([state]) == [expected] * warned
+
+
+def test_a_force_without_a_ply_under_the_holder_is_a_warning():
+    law, ring = Compaction(0.3, 1e-3, 8.0), [[30, 51, 51, 30], [-1, -1, 11, 11]]
+    holder = Holder(PLANE, force=5.0, compaction=law, side=1, outline=ring)
+    ply = Ply(grid(50.0, 10.0, 5, 1), Fabric(1e3, 1.0), terms=[holder], dimension=3)
+    states = []
+    for t, pulled in (0.5, 10.0), (1.0, 25.0):
+        u = np.tile([-pulled, 0.0, 0.0], ply.nodes.shape[1])
+        values = ply.terms[-1].parameters.updated(Values({}), u, t)
+        parameters = {"holder": values}
+        states.append(SimpleNamespace(u=u, load_factor=t, parameters=parameters))
+    expected = (
+        "force of tool 'holder', 5 N, does not act at load factor 1, because no part "
+        "of the ply is under it: its outline must cover a part of the ply while it "
+        "presses"
+    )
+    assert ply.contradictions(states[:1]) == []
+    assert ply.contradictions(states) == [expected]
 
 
 @pytest.mark.parametrize(("outline", "lift"), [(False, 9.0), (True, 9.0), (False, 2.0)])

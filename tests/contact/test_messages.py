@@ -181,7 +181,7 @@ def test_invalid_laws_of_compaction(make, message):
                 Law(lambda t: 1e-3 * np.maximum(1 - t / 0.3, 0.0)),
                 side=1,
             ),
-            "compaction: the law carries less than the force 100 N",
+            "^holder 'holder': its law of compaction carries less than the force 100 N",
         ),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
         (lambda: Holder(drape.Plane(), gap=True, side=1), "at least 0 mm, got True"),

@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -253,6 +254,18 @@ def holding(**amounts):
     return Phase("hold", 1, {"holder": amounts})
 
 
+def test_tools_that_are_not_the_tools_of_the_process_are_refused():
+    """Of a ply that is built with the tools before the process, none moves."""
+    process = Process([CLOSE, PUNCH], tools())
+    own, other = (
+        SimpleNamespace(ply=blank(terms=x), states=[SimpleNamespace(load_factor=1.0)])
+        for x in (process.tools, tools())
+    )
+    assert process.at_ends(own) == [0]
+    with pytest.raises(ValueError, match="'punch' of the ply is not the one of the"):
+        process.at_ends(other)
+
+
 @pytest.mark.parametrize(
     ("message", "phases"),
     [
@@ -304,6 +317,10 @@ def holding(**amounts):
         (
             r"no tool \['punch'\] whose travel is known",
             [holding(gap=OverTravel(["punch"], [[0, 3], [2, 3]]))],
+        ),
+        (
+            "gap of 'holder' follows the travel of 'die', which does not move",
+            [holding(gap=OverTravel("die", [[0, 3], [2, 3]]))],
         ),
         (
             "motion of 'punch' does not follow the travel of a tool",

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from skfem import MeshQuad
+from skfem import MeshQuad, asm
 
 from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
+from skfem_textile.forms import corner_resistance
 from skfem_textile.forms.in_plane import RESISTING, resistance
+from skfem_textile.mesh.bases import CornerBasis
 from skfem_textile.mesh.splitting import split
 from skfem_textile.ply import builtin_terms
 from skfem_textile.scenes import bias_extension, strip
@@ -14,11 +16,11 @@ from tests.helpers import derivative, distorted, distorted_for, one_quad, random
 FORMULATIONS = [Full(), OnePoint(1.0), Macro(), Quadratic(20.0)]
 
 
-def closing(ply, seed=0):
-    """A displacement under which some corners resist, and one is folded."""
+def closing(ply, seed=0, least=-0.02):
+    """A displacement under which some corners resist, and by default one is folded."""
     u, amplitude = random_u(ply, seed, 0.05), 1.0
-    while ply.corners.area_ratio(amplitude * u).min() > -0.02:
-        amplitude *= 1.1
+    while ply.corners.area_ratio(amplitude * u).min() > least:
+        amplitude *= 1.01
     return amplitude * u
 
 
@@ -44,6 +46,29 @@ def test_forces_and_tangent_are_derivatives_where_corners_close(formulation):
     rate, tangent = derivative(ply.residual, u, du, 1e-7), ply.tangent(u)
     np.testing.assert_allclose(tangent @ du, rate, atol=1e-5 * np.abs(rate).max())
     assert abs(tangent - tangent.T).max() == 0
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+def test_the_corner_term_is_the_sum_of_its_forms(formulation, dimension):
+    mesh, fabric = distorted_for(formulation, 2), Fabric(10.0, 0.5)
+    ply = Ply(mesh, fabric, formulation, dimension=dimension)
+    least = -0.02 if dimension == 2 else 0.05  # in space the ratio has no sign
+    in_plane = closing(Ply(mesh, fabric, formulation), 0, least).reshape(-1, 2)
+    x = np.pad(in_plane, ((0, 0), (0, dimension - 2)))
+    x[:, 2:] = 1e-3 * np.sin(np.arange(len(x)))[:, None]
+    u, (term,) = x.ravel(), (x for x in ply.terms if x.name == "corners")
+    corners, elements = np.nonzero(ply.corners.area_ratio(u) < RESISTING)
+    energy, residual, tangent = (
+        asm(form, CornerBasis(ply.basis, elements, corners), u=u)
+        for form in corner_resistance(0.5)
+    )
+    assert energy > 0
+    assert term.energy(u, 1.0) == pytest.approx(energy, rel=1e-12)
+    f, K = term.residual(u, 1.0), term.tangent(u, 1.0).toarray()
+    np.testing.assert_allclose(f, residual, atol=1e-10 * np.abs(residual).max())
+    tangent = tangent.toarray()
+    np.testing.assert_allclose(K, tangent, atol=1e-10 * np.abs(tangent).max())
 
 
 def test_the_area_ratio_at_corners_is_the_determinant_of_the_gradient():

@@ -476,11 +476,27 @@ def test_a_condition_ends_before_a_punch_moves():
         (Clamp("north", K), "no boundary 'north'"),
         (Clamp([7], K), "no edge of the boundary between the selected nodes"),
         (Clamp(lambda X: X[1] < -1, K), "where selects no nodes"),
-        (Clamp("top", K, within=(0, 0, 1, 1)), "on 'top' within its rectangle"),
+        (
+            Clamp("top", K, within=(0, 0, 1, 1)),
+            "on 'top' in the part that 'within' selects",
+        ),
         (
             Clamp("top", K, within=(0, 0, 1, 1)),
             "edge, which extend over x from 0 to 10 mm and y from 20 to 20 mm",
         ),
+        (
+            Clamp("top", K, within=lambda X: X[0] > 10),
+            "on 'top' in the part that 'within' selects",
+        ),
+        (
+            Clamp("top", K, within=lambda x, y: x > 5),
+            "within raised TypeError: ",
+        ),
+        (
+            Clamp("top", K, within=lambda X: X[0]),
+            "within must return one bool for each position, shape (15,), got float64",
+        ),
+        (Clamp("top", K, within=lambda X: True), "got bool of shape ()"),
         (Clamp("top", K, within=(5, 0, 0, 20)), "within must be the smallest x and y"),
         (Clamp("top", 0.0), "stiffness must be a finite number > 0, got 0"),
         (Clamp("top", -1.0), "stiffness must be a finite number > 0"),
@@ -558,13 +574,39 @@ def test_nodes_of_an_edge_are_those_of_the_mesh_before_it_is_split():
         Ply(mesh, FABRIC, Macro(), [Clamp(nodes[::2], K)])
 
 
+def test_a_part_of_an_edge_is_a_rectangle_or_a_function():
+    both = (0, 0, WIDTH / 2, LENGTH), lambda X: X[0] <= WIDTH / 2
+    one, other = (strip(Clamp("top", K, within=x)).terms[-1] for x in both)
+    assert abs(one.tangent(None, 0.0) - other.tangent(None, 0.0)).max() == 0
+
+
 def test_a_force_that_jumps_over_the_release_is_refused():
-    """A state far beyond the release is never accepted."""
+    """A state far beyond the release is never accepted; it takes few attempts."""
+    tried = []
 
     def jump(X, t):
-        return np.stack([0 * X[0], np.full(X.shape[1], -1.0 * (t > 0.5))])
+        return np.stack([0 * X[0], np.full(X.shape[1], -0.1 * t - 1.0 * (t > 0.3))])
 
     with pytest.raises(
         StepError, match=r"carries .* at which it lets go: its force jumps there; try a"
     ):
-        run(strip(Clamp("top", K, release=10.0)), {"bottom": Condition("bottom", jump)})
+        run(
+            strip(Clamp("top", K, release=10.0)),
+            {"bottom": Condition("bottom", jump)},
+            steps=4,
+            on_iteration=lambda x: tried.append(x.load_factor),
+        )
+    assert len({*tried}) <= 12
+
+
+def test_a_force_that_rises_in_a_small_part_of_a_step_releases_a_clamp():
+    """Within 1/200 of a step; a jump would be refused."""
+
+    def rise(X, t):
+        y = -0.1 * t - np.clip(200 * (t - 0.3), 0.0, 1.0)
+        return np.stack([0 * X[0], np.full(X.shape[1], y)])
+
+    held = {"bottom": Condition("bottom", rise)}
+    at, force, *_ = let_go(run(strip(Clamp("top", K, release=10.0)), held))
+    assert 0.3 < at < 0.305
+    assert 10 <= force <= 10.1

@@ -176,6 +176,24 @@ def test_every_solver_recognises_the_mechanisms_of_shear(name):
     assert result.states[-1].verdict.negative_pivots == 0
 
 
+def test_runs_with_the_same_free_unknowns_share_the_analysis():
+    ply = Ply(MeshQuad().refined(1), Fabric(1.0, 1.0), Full())
+
+    def stepper(pull, direction=(0, 1), solver="superlu"):
+        clamp = Condition(lambda X: X[1] == 0)
+        pulled = Condition(lambda X: X[1] == 1, pull, direction)
+        return LoadStepper(ply, {"clamp": clamp, "pull": pulled}, 1, solver=solver)
+
+    first = stepper(0.1)
+    result, system = first.run(), first.problem.system
+    again = stepper(0.2)
+    assert again.problem.system is system
+    assert again.run().linear_solves > 0
+    np.testing.assert_array_equal(stepper(0.1).run().u, result.u)
+    assert stepper(0.1, (1, 0)).problem.system is not system
+    assert stepper(0.1, solver="rslab").problem.system is not system
+
+
 @pytest.mark.parametrize("entry", [0, 1])  # on the diagonal, and off it
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_matrix_that_is_not_finite_is_refused(name, entry, value):

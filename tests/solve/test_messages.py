@@ -91,7 +91,7 @@ OF_DISPLACEMENTS = (
     *("energy", "energies", "residual", "residuals", "tangent", "parts"),
     *("stiffness", "gradient", "deformation_gradient", "area_ratio"),
     *("fibre_strain", "law_strain", "fibre_tension", "fibre_direction", "shear_angle"),
-    *("nodal", "positions", "least_area_ratio", "largest_gradient", "beyond_peak"),
+    *("nodal", "positions", "least_area_ratio", "largest_gradient"),
 )
 
 

@@ -107,6 +107,32 @@ def test_inconsistent_surfaces_are_refused(surface, part, changes):
         equilibrium_near(body, {"tool": wrong}, start)
 
 
+class Spiked:
+    """Plane z = 5 with a spike of 500 mm at x = 0, on which the Hessian is wrong."""
+
+    def level(self, x):
+        return x[2] - 5 - 500 * self._spike(x)
+
+    def gradient(self, x):
+        return np.stack([1000 / 9 * x[0] * self._spike(x), 0 * x[0], 1 + 0 * x[0]])
+
+    def hessian(self, x):
+        H = np.zeros((3, *x.shape))
+        H[0, 0] = 1000 / 9 * (1 - 2 * (x[0] / 3) ** 2) * self._spike(x)
+        return np.where(x[2] < 100, H, 0.0)
+
+    def _spike(self, x):
+        return np.exp(-((x[0] / 3) ** 2))
+
+
+def test_surfaces_are_checked_near_the_ply_alone():
+    """As smoothed triangles, of which points over an opening are projected far away."""
+    X = np.array([[0.0, 0.0, 20.0, 40.0], [0.0, 30.0, 0.0, 40.0], np.zeros(4)])
+    check_surface("die", Spiked(), X)
+    with pytest.raises(ValueError, match="hessian of the surface differs"):
+        check_surface("die", Spiked(), X + np.array([[0.0], [0.0], [500.0]]))
+
+
 def test_the_message_contains_both_numbers_at_the_position():
     wrong = OnSurface(Changed(SPHERE, hessian=lambda H: 0.5 * H))
     with pytest.raises(ValueError, match="differs") as error:

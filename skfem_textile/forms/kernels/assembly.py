@@ -19,10 +19,10 @@ def states(
     kernels: Sequence[Kernel], basis: CellBasis, u: ndarray, w: dict[str, Any]
 ) -> list[list[KernelState]]:
     """States of kernels by group of elements, at a displacement u and parameters w."""
-    groups = dict[ElementGroup, list]()
+    groups, tension = dict[ElementGroup, list](), w.get("tension")
     for x in kernels:
         for g in element_groups(basis, x.fabric):
-            state = KernelState(x, g, g.points, g.last_deformations(u), w)
+            state = KernelState(x, g, g.points, g.last_deformations(u), w, tension)
             groups.setdefault(g, []).append(state)
     return list(groups.values())
 

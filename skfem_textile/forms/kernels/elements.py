@@ -38,12 +38,12 @@ from skfem import ElementQuad1
 
 from ...mesh.bases import (
     CENTRE,
-    DisplacementBasis,
     HourglassBasis,
     MeanBasis,
     components,
     cross,
     element_numbers,
+    function_gradients,
 )
 
 if TYPE_CHECKING:
@@ -274,7 +274,9 @@ class GeneralPoints:
         first, second = np.triu_indices(n_nodes)
         number[first, second] = number[second, first] = np.arange(len(first))
         self.angle_at_rest = angle_between(self.A[:, :, :2])
-        self._pairs = [number[x, nodes[a:]] for a, x in enumerate(nodes)]
+        pairs = [number[x, nodes[a:]] for a, x in enumerate(nodes)]
+        every = len(nodes) == n_nodes  # then they are consecutive
+        self._pairs = [slice(p[0], p[-1] + 1) if every else p for p in pairs]
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
@@ -523,10 +525,8 @@ def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
     pair = fabric.directions(x, numbers)
     A = np.array([np.broadcast_to(a, x.shape) for a in pair])
     fluctuates = isinstance(basis, HourglassBasis)
-    if type(basis) in (DisplacementBasis, MeanBasis):
-        dN = basis.function_gradients()
-    elif not fluctuates:
-        dN = np.array([field.grad[0] for (field,) in basis.basis[::d]])
+    if not fluctuates:
+        dN = function_gradients(basis)
     if isinstance(basis, MeanBasis) and basis.parts is not None:
         yield from _macro_groups(basis, fabric, nodes, dN, A)
         return

@@ -16,7 +16,8 @@ Element matrices are symmetric and hold the d×d blocks of the pairs of nodes (a
 a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar, NamedTuple, TypeAlias
@@ -79,16 +80,17 @@ class Kernel:
         return np.array(resists, dtype=float)[:, None, None]
 
     def values(self, x: "KernelState") -> Any:
-        """Values that energy, stresses and stiffnesses share, see `KernelState`.
+        """Values that energy, stresses and stiffnesses share, see `KernelState`."""
+        raise NotImplementedError
 
-        By default points, law and deformation of each set of points.
-        """
+    def laws(self, x: "KernelState") -> Sequence[Any]:
+        """Law at each set of points."""
         laws = [getattr(fabric, self.law) for fabric in x.group.fabrics]
         if "slip" in x.w:
             slip = np.asarray(x.w["slip"])[..., x.group.elements, :]
             pairs = zip(laws, x.group.point_numbers, strict=True)
             laws = [with_slip(law, slip[..., i]) for law, i in pairs]
-        return [*zip(x.group.points, laws, x.fibres, strict=True)]
+        return laws
 
     def energy(self, x: "KernelState") -> float:
         """Energy in N·mm."""
@@ -109,7 +111,8 @@ class KernelState:
 
     ``fibres`` are the deformations at the points of the group, ``places`` the same
     points, or points of another term with equal fibre deformations, and ``w`` the
-    parameters of the form.
+    parameters of the form.  ``tension`` are fibre tensions for the stiffness; by
+    default they follow from the law.  ``values`` are shared values of the kernel.
     """
 
     kernel: Kernel
@@ -117,30 +120,68 @@ class KernelState:
     places: Sequence[IntegrationPoints]
     fibres: list[FibreDeformation]
     w: Parameters
+    tension: ndarray | None = None
+
+    def __post_init__(self) -> None:
+        self.values = self.kernel.values(self)
+
+    def with_tension(self, tension: ndarray) -> "KernelState":
+        """The state with other tensions, and the same values."""
+        other = copy(self)
+        other.tension = tension
+        return other
+
+
+@dataclass(eq=False)
+class Tensions:
+    """Law of both tensions at fibre strains of shape (2, P, n), evaluated once.
+
+    Laws take arguments of shape (2, n, P).
+    """
+
+    law: Any
+    strain: ndarray
+
+    @property
+    def energies(self) -> ndarray:
+        """Energies of warp and weft, shape (2, P, n)."""
+        return self._of_both(self.law.energies(self.strain.swapaxes(1, 2)))
 
     @cached_property
-    def values(self) -> Any:
-        """Shared values of the kernel, computed once."""
-        return self.kernel.values(self)
+    def value(self) -> ndarray:
+        """Tensions of warp and weft, shape (2, P, n)."""
+        return self._of_both(self.law.value(self.strain.swapaxes(1, 2)))
+
+    @cached_property
+    def slopes(self) -> Slopes:
+        """Slopes of the tensions, arrays of shape (2, P, n) and (P, n)."""
+        direct, cross = self.law.slopes(self.strain.swapaxes(1, 2))
+        return Slopes(self._of_both(direct), None if cross is None else cross.T)
+
+    @staticmethod
+    def _of_both(values: Sequence[ndarray]) -> ndarray:
+        return np.array([x.T for x in values])
 
 
 class TensionKernel(Kernel):
     """Kernel of `tension`."""
 
+    def values(self, x: KernelState) -> list[tuple[Any, FibreDeformation, Tensions]]:
+        """Each set of points, their deformation and tensions."""
+        sets = zip(x.group.points, x.fibres, self.laws(x), strict=True)
+        return [(p, f, Tensions(law, f.strain)) for p, f, law in sets]
+
     def energy(self, x: KernelState) -> float:
         """∫ Σ_α ψ(ε_α) dΩ."""
-        return sum(
-            float((p.dx * _laws(law, "energies", f.strain)).sum())
-            for p, law, f in x.values
-        )
+        return sum(float((p.dx * law.energies).sum()) for p, _, law in x.values)
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension and its slope; `stiffnesses` has the slope for ε₁ + ε₂."""
         tensions, stresses = _tension_values(x), []
-        for i, (p, law, f) in enumerate(x.values):
-            T = tensions[i] if tensions else _laws(law, "value", f.strain)
-            direct, cross = _slopes(law, f.strain)
+        for i, (p, _, law) in enumerate(x.values):
+            direct, cross = law.slopes
             slope = direct if cross is None else direct - cross
+            T = tensions[i] if tensions else law.value
             stresses.append(Stress(tension=p.dx * T, slope=p.dx * slope))
         return stresses
 
@@ -149,17 +190,15 @@ class TensionKernel(Kernel):
         if isinstance(self.fabric.tensions, TwoLaws):
             return []
         return [
-            RankOneStiffness(
-                p.dx * _slopes(law, f.strain).cross, partial(_sum_gradients, p, f)
-            )
-            for p, law, f in x.values
+            RankOneStiffness(p.dx * law.slopes.cross, partial(_sum_gradients, p, f))
+            for p, f, law in x.values
         ]
 
     def predicted_tension(self, x: KernelState, after: KernelState) -> list[ndarray]:
         """T(ε) + ∂T/∂ε Δε, shape (2, P, n) each."""
         return [
-            _laws(law, "value", f.strain) + _slopes(law, f.strain).times(f.change(g))
-            for (_, law, f), g in zip(x.values, after.fibres, strict=True)
+            law.value + law.slopes.times(f.change(g))
+            for (_, f, law), g in zip(x.values, after.fibres, strict=True)
         ]
 
 
@@ -167,6 +206,10 @@ class ShearKernel(Kernel):
     """Kernel of `shear`."""
 
     law: ClassVar[str] = "shear_law"
+
+    def values(self, x: KernelState) -> list[tuple[Any, Any, FibreDeformation]]:
+        """Each set of points, their law and deformation."""
+        return [*zip(x.group.points, self.laws(x), x.fibres, strict=True)]
 
     def energy(self, x: KernelState) -> float:
         """∫ w(Γ) dΩ."""
@@ -232,23 +275,28 @@ class MeanTensionKernel(Kernel):
 
     basis_type: ClassVar[type[CellBasis]] = MeanBasis
 
-    def values(self, x: KernelState) -> tuple[list[ndarray], ndarray, ndarray, Any]:
-        """Stretches at the points, (2, P, n) each, their means, E_d and the law.
+    def values(
+        self, x: KernelState
+    ) -> "tuple[list[ndarray], ndarray, ndarray, Tensions]":
+        """Stretches at the points, (2, P, n) each, their means, E_d, and tensions.
 
         Means and E_d have the shape (2, 1, n).  E_d is 0 for a family without a law.
+        The tensions are those at the means.
         """
-        group, law = x.group, x.group.fabric.tensions
+        group = x.group
+        law: Any = group.fabric.tensions
         if "slip" in x.w:
             law = with_slip(law, np.asarray(x.w["slip"])[..., group.elements, :])
         stretches = [f.stretch for f in x.fibres]
         E_d = np.asarray(parameter(x.w, "E_d"))[:, group.elements, 0]
         means = _mean(group, stretches)
+        law = Tensions(law, np.log(means))
         return stretches, means, self.resists * E_d[:, None], law
 
     def energy(self, x: KernelState) -> float:
         """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ."""
         stretches, means, E_d, law = x.values
-        density = _laws(law, "energies", np.log(means))
+        density = law.energies
         return sum(
             float((p.dx * (density + 0.5 * E_d * (stretch - means) ** 2)).sum())
             for p, stretch in zip(x.group.points, stretches, strict=True)
@@ -259,7 +307,7 @@ class MeanTensionKernel(Kernel):
         stretches, means, E_d, law = x.values
         T = _tension_values(x)
         if not T:
-            N = _laws(law, "value", np.log(means)) / means
+            N = law.value / means
             T = [stretch * (N + E_d * (stretch - means)) for stretch in stretches]
         return [
             Stress(tension=p.dx * T_p, slope=p.dx * (E_d * stretch**2 + T_p))
@@ -269,9 +317,8 @@ class MeanTensionKernel(Kernel):
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """Remaining slope of the laws, along the gradient of the mean stretch."""
         group, (stretches, means, E_d, law) = x.group, x.values
-        T = _laws(law, "value", np.log(means))
-        direct, cross = _slopes(law, np.log(means))
-        slope = (direct - T) / means**2 - E_d
+        direct, cross = law.slopes
+        slope = (direct - law.value) / means**2 - E_d
         if cross is not None:
             cross = cross / (means[0] * means[1])
             slope = np.array([*(slope - cross), cross])
@@ -299,8 +346,7 @@ class MeanTensionKernel(Kernel):
             for stretch, f, g in zip(stretches, x.fibres, after.fibres, strict=True)
         ]
         mean_change = _mean(group, changes)
-        T = _laws(law, "value", np.log(means))
-        direct, cross = _slopes(law, np.log(means))
+        T, (direct, cross) = law.value, law.slopes
         N = T / means + (direct - T) / means**2 * mean_change
         if cross is not None:
             N += cross * (mean_change / means)[::-1] / means
@@ -363,24 +409,12 @@ def _mean(group: ElementGroup, values: list[ndarray]) -> ndarray:
 
 
 def _tension_values(x: KernelState) -> list[ndarray]:
-    """Predicted tensions from ``w["tension"]``; empty: use the law."""
-    if "tension" not in x.w:
+    """Tensions of the state at each set of points; empty: use the law."""
+    if x.tension is None:
         return []
-    T = np.asarray(x.w["tension"])[..., x.group.elements, :]
-    at_points = (np.moveaxis(T[..., i], -1, -2) for i in x.group.point_numbers)
+    T = np.asarray(x.tension)[..., x.group.elements, :]
+    at_points = (T[..., i].swapaxes(1, 2) for i in x.group.point_numbers)
     return [x.kernel.resists * T_p for T_p in at_points]
-
-
-def _laws(law: Any, part: str, strain: ndarray) -> ndarray:
-    """Energies or values of warp and weft, shape (2, P, n); laws take (2, n, P)."""
-    both = getattr(law, part)(strain.swapaxes(1, 2))
-    return np.array([x.T for x in both])
-
-
-def _slopes(law: Any, strain: ndarray) -> Slopes:
-    """Slopes of the tensions, arrays of shape (2, P, n) and (P, n)."""
-    direct, cross = law.slopes(strain.swapaxes(1, 2))
-    return Slopes(np.array([x.T for x in direct]), None if cross is None else cross.T)
 
 
 def _of_shear(law: Any, part: str, fibres: FibreDeformation) -> ndarray:
@@ -425,10 +459,11 @@ def _equal(one: Any, other: Any, *names: str) -> bool:
     )
 
 
-def element_forces(states: Sequence[KernelState]) -> ndarray:
+def element_forces(states: Collection[KernelState]) -> ndarray:
     """Sum of the nodal forces of kernels on a group, shape (n_nodes, d, n)."""
-    group, stresses = states[0].group, _sum_of_stresses(states)
-    f = np.empty((len(group.nodes), states[0].fibres[0].v.shape[2], group.area.size))
+    (x, *_), stresses = states, _sum_of_stresses(states)
+    group = x.group
+    f = np.empty((len(group.nodes), x.fibres[0].v.shape[2], group.area.size))
     whole = len(group.blocks) == 1
     for block in group.blocks:
         modal = np.zeros((group.n_modes, f.shape[1], block.stop - block.start))
@@ -441,13 +476,14 @@ def element_forces(states: Sequence[KernelState]) -> ndarray:
     return f
 
 
-def element_matrices(states: Sequence[KernelState]) -> ndarray:
+def element_matrices(states: Collection[KernelState]) -> ndarray:
     """Sum of the element matrices of kernels on a group.
 
     Returned as blocks of the pairs of nodes, shape (n_pairs, d, d, n).
     """
-    group, stresses = states[0].group, _sum_of_stresses(states)
-    d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
+    (x, *_), stresses = states, _sum_of_stresses(states)
+    group = x.group
+    d, n_nodes = x.fibres[0].v.shape[2], len(group.nodes)
     rank_one = [s for x in states for s in x.kernel.stiffnesses(x)]
     n_modes = max(points.n_modes for points in stresses)
     used: Any = _ALL
@@ -479,7 +515,7 @@ def element_matrices(states: Sequence[KernelState]) -> ndarray:
 
 
 def _sum_of_stresses(
-    states: Sequence[KernelState],
+    states: Collection[KernelState],
 ) -> dict[IntegrationPoints, tuple[FibreDeformation, Stress]]:
     """Deformation and the sum of the stresses of all kernels at each set of points."""
     sums: dict[IntegrationPoints, tuple[FibreDeformation, Stress]] = {}

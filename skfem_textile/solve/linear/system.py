@@ -1,6 +1,7 @@
 """Linear system on the free unknowns."""
 
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 from numpy import ndarray
@@ -10,6 +11,11 @@ from ...mesh.pattern import Pattern, matrix_of_slots, with_data
 from ..conditions import Constraints
 from .solver import SolverOfPattern
 from .unknowns import Unknowns
+
+# Systems in use, by pattern, and by name of the solver and free unknowns.
+_KNOWN: WeakKeyDictionary[Pattern, WeakValueDictionary[Any, "System"]] = (
+    WeakKeyDictionary()
+)
 
 
 class System:
@@ -78,14 +84,38 @@ class System:
         unknowns = Unknowns(positions, pairs, d, free, constraints.shared)
         self.solver = solver(csc_matrix(upper, (n, n)), unknowns)
 
+    @classmethod
+    def of(
+        cls,
+        pattern: Pattern,
+        positions: ndarray,
+        constraints: Constraints,
+        solver: SolverOfPattern,
+    ) -> "System":
+        """The system of another run with the same free unknowns, or a new one.
+
+        The other run must still be in use.  Systems whose unknowns are rotated are not
+        shared.
+        """
+        arguments = pattern, positions, constraints, solver
+        if constraints.turn is not None or constraints.surfaces:
+            return cls(*arguments)
+        known = _KNOWN.setdefault(pattern, WeakValueDictionary())
+        key = getattr(solver, "args", solver), constraints.free.tobytes()
+        if (system := known.get(key)) is None:
+            known[key] = system = cls(*arguments)
+        return system
+
     def turned(self, blocks: ndarray, turn: csr_matrix) -> ndarray:
         """Blocks of a tangent in rotated unknowns, Rᵀ K R with R of `Problem.turn`."""
         d, pattern = self.dimension, self._pattern
         if self._turn is not turn:
             self._turn, R = turn, turn.tobsr(blocksize=(d, d)).data
             turned = np.any(np.eye(d) != R, axis=(1, 2))
-            self._rows = np.flatnonzero(turned[pattern.rows])
-            self._cols = np.flatnonzero(turned[pattern.cols])
+            self._rows, self._cols = (
+                slice(None) if turned.all() else np.flatnonzero(turned[nodes])
+                for nodes in (pattern.rows, pattern.cols)
+            )
             self._left = R[pattern.rows[self._rows]].swapaxes(1, 2)
             self._right = R[pattern.cols[self._cols]]
         blocks = blocks.copy()

@@ -163,7 +163,7 @@ def test_a_load_that_does_most_of_the_work_drives_a_ply_on_a_tool(w, drives):
     state = equilibrium_near(ply, conditions, geodesic_u(ply, tool))
     problem = problem_of(ply, conditions).at(1.0)
     state_data = state.u, state.parameters, state.energies
-    problem.moves = moves(problem, [1.0])
+    problem.moves = bool(moves(problem, [1.0]))
     assert loads_drive(problem, *state_data) == drives
 
 

@@ -6,7 +6,7 @@ import pytest
 from skfem_textile import LoadStepper, Macro, OnePoint, drape, equilibrium_near
 from skfem_textile.scenes import double_dome, hemisphere
 from skfem_textile.scenes import drape as on_tool
-from skfem_textile.solve import search
+from skfem_textile.solve import newton
 from tests.helpers import graph
 from tests.helpers.tools import case_of, chebyshev, exact_shear_angle
 
@@ -74,7 +74,7 @@ def test_the_interval_of_a_load_on_a_surface_contains_that_of_a_finer_mesh(scene
 
 def test_forces_at_constrained_nodes_are_not_reported(caplog, monkeypatch):
     """A point force, here of tractions without balance, affects few elements only."""
-    monkeypatch.setattr(search, "_IN_BALANCE", np.inf)
+    monkeypatch.setattr(newton, "_IN_BALANCE", np.inf)
     size = {"size": (4, 4), "width": 150.0, "height": 150.0}
     scene = on_tool(skew_bump(), fibres=0.5, **size)
     result = case_of(scene).run()
