@@ -619,8 +619,7 @@ class ToolContact(ToolTerm, ContactTerm):
         """−max(λ − κ g, 0) ∇g."""
         force = self.forces(u, t, p)
         f = np.zeros((len(force), 3))
-        if force.any():
-            nodes = np.flatnonzero(force)
+        if (nodes := np.flatnonzero(force)).size:
             normal, _ = self._obstacle.derivatives(self._at(u, t), nodes, t)
             f[nodes] = -(force[nodes] * normal).T
         return f
