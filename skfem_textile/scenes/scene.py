@@ -77,10 +77,6 @@ def _no_figures(result: Result) -> Mapping[str, float]:
     return {}
 
 
-def _no_guess(ply: "Ply") -> ndarray | None:
-    return None
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Problem: mesh, fibre directions, conditions and exact solution.
@@ -169,7 +165,7 @@ class Scene:
     measured: Callable[[Result], Mapping[str, float | str]] = _no_figures
     first: Sequence[Quantity] = ()
     axes: Axes = SAME_AXES
-    initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
+    initial_guess: Callable[[Ply], ndarray | None] | None = None
     programme: Programme | None = None
     process: "Process | None" = None
 
@@ -619,15 +615,15 @@ class Case:
         ValueError
             See `Ply` and `LoadStepper`.
         """
-        ply = self.ply()
+        ply, scene = self.ply(), self.scene
         return LoadStepper(
             ply,
-            self.scene.conditions,
+            scene.conditions,
             self.steps,
             method=self.method,
             warn_only=self.warn_only,
             checkpoint=checkpoint,
-            initial_guess=self.scene.initial_guess(ply),
+            initial_guess=scene.initial_guess(ply) if scene.initial_guess else None,
             solver=self.solver,
         )
 

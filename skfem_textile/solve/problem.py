@@ -379,11 +379,9 @@ class Problem:
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
         size = np.abs(u).max(initial=0.0) + np.abs(self.nodes).max()
         size *= constraints.rounding
-        reached, surfaces = (
-            bool((np.abs(off) <= 8 * EPSILON * size).all()),
-            self.surfaces,
-        )
-        return reached and (not surfaces or surfaces.are_on(u, self.load_factor))
+        surfaces, t = self.surfaces, self.load_factor
+        reached = bool((np.abs(off) <= 8 * EPSILON * size).all())
+        return reached and (not surfaces or surfaces.are_on(u, t))
 
     def in_domain(self, u: ndarray, parameters: PlyParameters) -> bool:
         """True if every law is defined at ``u`` and has a finite energy."""

@@ -290,7 +290,10 @@ def test_a_bad_position_of_a_file_is_named(tmp_path):
             "tool_2.surface is 'dice': expected one of",
         ),
         ([{"surface": "sphere", "radius_mm": 3}], "tool_1.centre_mm is missing"),
-        ([{**PUNCH, "motion_mm": [1, 2]}], "tools.punch.motion_mm must be three num"),
+        (
+            [{**PUNCH, "motion_mm": [1, 2]}],
+            "tools.punch.motion_mm must be three numbers",
+        ),
         ([{**PUNCH, "motion_axis": [1, 0, 0]}], "tools.punch: .* require motion_deg"),
         (
             [{**PUNCH, "motion_deg": 5, "motion_axis": [0, 0, 0]}],
