@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 from scipy.linalg import expm
 from scipy.sparse import csr_matrix
-from skfem import CellBasis, Mesh
+from skfem import CellBasis, Element, Mesh
 from skfem.helpers import cross
 
 from ..fabric import Fabric
@@ -17,7 +17,7 @@ from ..fabric.fabric import is_law
 from ..fabric.law import LARGEST_CURVATURE, law_at
 from ..forms.in_plane import RESISTING, resistance
 from ..forms.kernels.elements import hourglass_mode
-from ..mesh.bases import EPSILON, Corners, components, node_positions
+from ..mesh.bases import components, node_positions, sided
 from ..mesh.selection import FIBRE_ENDS, FibreEnd, Turning
 from ..mesh.user_input import call_user_function, real_numbers, shortened
 from .parameters import NO_VALUES, TermParameters, Values
@@ -32,12 +32,146 @@ if TYPE_CHECKING:
 _SHARE_OF_FIBRES = 1e-5
 
 
+# A corner is flat if det J is below this share of the largest value of its element.
+# Chosen: far above rounding, as in `checks`.
+_FLAT = 1e-9
+
+# ε_ijk of the cross product.
+_EPSILON = np.cross(np.eye(3)[:, None], np.eye(3))
+
+
 @np.errstate(over="ignore")  # a run rejects non-finite values
 def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
     """κ in N/mm: the shear stiffness at rest, at least 10⁻⁵ of the fibre stiffness."""
     unstrained = np.zeros(basis.dx.shape)
     E_1, E_2, G = (float(np.mean(law.tangent(unstrained))) for law in fabric.at().laws)
     return max(G, _SHARE_OF_FIBRES * (E_1 + E_2) / 2)
+
+
+class Corners:
+    """Area ratio det F at the nodes of the elements of a basis.
+
+    det F = det(∂x/∂ξ) / det(∂X/∂ξ): at a corner the columns of ∂x/∂ξ are edges of the
+    element; computing them takes half the time of F.  In space the determinant is
+    replaced by the cross product of the columns: its length, negative at a node where
+    it opposes its mean over the element (`sided`).  The last result is cached, because
+    an iteration uses it several times.
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement.
+    """
+
+    def __init__(self, basis: CellBasis) -> None:
+        vector: Any = basis.elem
+        kind: Any = type(vector.elem)
+        self._edges, self._pairs = _edges_at_nodes(kind)
+        self._d = d = components(basis)
+        self._nodes = basis.element_dofs[::d] // d
+        self._X = np.ascontiguousarray(node_positions(basis).T)
+        reference = self._of_plane(self._X)
+        self._turn = np.sign(reference.sum(axis=0))
+        positive = reference * self._turn
+        self._reflex = positive <= _FLAT * positive.max(axis=0)
+        self._per_area = 1 / np.where(self._reflex, np.inf, reference)
+        self._last = b"", np.empty(0)
+
+    def area_ratio(self, u: ndarray) -> ndarray:
+        """Current area per reference area, det F, shape (n_points, n_elements).
+
+        Infinite at a corner that is flat or reflex in the reference configuration,
+        where det F is undefined.
+        """
+        key, (last, ratio) = u.tobytes(), self._last
+        if key == last:
+            return ratio
+        moved = u.reshape(-1, self._d)
+        if self._d == 2:
+            ratio = self._of_plane(self._X + moved) * self._per_area
+        else:
+            vectors = self._vectors(moved)
+            normals = vectors.sum(axis=1, keepdims=True)
+            ratio = sided(vectors, normals) * np.abs(self._per_area)
+        ratio[self._reflex] = np.inf
+        self._last = key, ratio
+        return ratio
+
+    def derivatives(
+        self, u: ndarray, corners: ndarray, elements: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        """First and second derivative of the area ratio J at n corners of elements.
+
+        With ξ and η, ∂x/∂ξ and ∂x/∂η with the weights w of the nodes, c = ξ × η, y =
+        w_ξ η − w_η ξ and the unit vector n of c, |c| has the derivatives y × n, and
+        (w_ξa w_ηc − w_ηa w_ξc) e_i×e_j · n + (δ_ij y_a·y_c − y_aj y_ci − (y_a × n)_i
+        (y_c × n)_j)/|c|.  In the plane n is constant, and the last part is zero.
+
+        Returns
+        -------
+        tuple of ndarray
+            ∂J/∂x of each node, shape (n_nodes, d, n), and the blocks of ∂²J/∂x² of the
+            pairs of nodes in the order of `numpy.triu_indices`, (n_pairs, d, d, n).
+        """
+        d, moved = self._d, u.reshape(-1, self._d)
+        x = np.pad(self._X, ((0, 0), (0, d - 2))) + moved
+        w = self._edges[self._pairs[corners]].transpose(1, 2, 0)
+        xi, eta = np.einsum("san,ani->sin", w, x[self._nodes[:, elements]])
+        y = w[0][:, None] * eta - w[1][:, None] * xi
+        a, c = np.triu_indices(len(y))
+        scale, turns = self._per_area[corners, elements], w[0][a] * w[1][c]
+        turns -= w[1][a] * w[0][c]
+        if d == 2:
+            first = np.stack([y[:, 1], -y[:, 0]], axis=1)
+            second = turns[:, None, None] * _EPSILON[:2, :2, 2, None]
+            return scale * first, scale * second
+        normal = cross(xi, eta)
+        length = np.linalg.norm(normal, axis=0)
+        n = normal / length
+        first = cross(*np.broadcast_arrays(y.swapaxes(0, 1), n[:, None])).swapaxes(0, 1)
+        second = turns[:, None, None] * np.einsum("ijk,kn->ijn", _EPSILON, n)
+        second += (
+            np.eye(3)[:, :, None] * (y[a] * y[c]).sum(axis=1)[:, None, None] / length
+        )
+        second -= y[a][:, None] * y[c][:, :, None] / length
+        second -= first[a][:, :, None] * first[c][:, None] / length
+        return np.abs(scale) * first, np.abs(scale) * second
+
+    def normals(self, u: ndarray) -> ndarray:
+        """Normals of the elements in space, not normalised, shape (3, n_elements).
+
+        At rest all point to the same side of the ply.
+        """
+        return self._turn * self._vectors(u.reshape(-1, 3)).sum(axis=1)
+
+    def _of_plane(self, x: ndarray) -> ndarray:
+        """det(∂x/∂ξ) of positions (n_nodes, 2), shape (n_points, n_elements)."""
+        edges = self._edges @ x.view(complex)[self._nodes, 0]
+        det = np.empty((len(self._pairs), edges.shape[1]))
+        for i, (xi, eta) in enumerate(self._pairs):
+            det[i] = edges[xi].real * edges[eta].imag
+            det[i] -= edges[xi].imag * edges[eta].real
+        return det
+
+    def _vectors(self, moved: ndarray) -> ndarray:
+        """∂x/∂ξ × ∂x/∂η of displacements (n_nodes, 3), (3, n_points, n_elements)."""
+        x = np.pad(self._X, ((0, 0), (0, 1))) + moved
+        edges = [self._edges @ component[self._nodes] for component in x.T]
+        first, second = np.array(edges)[:, self._pairs].transpose(2, 0, 1, 3)
+        return cross(first, second)
+
+
+@cache
+def _edges_at_nodes(element: type[Element]) -> tuple[ndarray, ndarray]:
+    """Weights of the nodes in ∂x/∂ξ and ∂x/∂η at the nodes of an element.
+
+    Distinct weights, and the numbers of both at each node.
+    """
+    scalar: Any = element()
+    dN = [scalar.lbasis(scalar.doflocs.T, i)[1] for i in range(len(scalar.doflocs))]
+    tangents = np.array(dN).transpose(2, 1, 0).reshape(-1, len(dN))
+    edges, edge_of = np.unique(tangents, axis=0, return_inverse=True)
+    return edges, edge_of.reshape(-1, 2)
 
 
 class CornerTerm(ElementTerm):
@@ -142,7 +276,7 @@ class OutOfPlane(FormTerm):
             (B[s, a] * B[t, c] - B[t, a] * B[s, c])[:, None] * y[third]
             for s, t, third in _CYCLE
         )
-        K += np.einsum("n,ijk,pkn->pijn", k * v, EPSILON, across)
+        K += np.einsum("n,ijk,pkn->pijn", k * v, _EPSILON, across)
         return K
 
     def _form_parameters(self, t: float, p: Values) -> dict[str, Any]:

@@ -15,13 +15,19 @@ from ..fabric import Fabric, is_zero
 from ..fabric.law_check import check_laws
 from ..fabric.regions import fabric_of_regions, fabric_on
 from ..forms.form import directions
-from ..mesh.bases import Corners, components, node_positions
+from ..mesh.bases import components, node_positions
 from ..mesh.progress import shown
 from ..mesh.recovery import recovery
 from ..mesh.scikit_fem import FormExtraParams
 from ..mesh.selection import FibreEnd
 from ..mesh.splitting import at_nodes, hat_functions, original_elements, was_changed
-from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
+from .builtin_terms import (
+    Corners,
+    CornerTerm,
+    bending_term,
+    checked_ends,
+    corner_stiffness,
+)
 from .formulations import DEFAULT
 from .parameters import NO_VALUES, with_slip_of
 from .sum_of_terms import SumOfTerms

@@ -26,9 +26,9 @@ from ..forms.kernels.kernel import (
     positive_part,
     shared_groups,
 )
-from ..mesh.bases import Corners, components
+from ..mesh.bases import components
 from ..mesh.pattern import Pattern
-from .builtin_terms import BendingTerm
+from .builtin_terms import BendingTerm, Corners
 from .parameters import NO_VALUES, Frozen, PlyParameters, Values
 from .term_check import coupled_nodes, terms_on_basis
 from .terms import Contribution, ElementTerm, FormTerm, Load, Role, TensionTerm, Term

@@ -35,13 +35,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy import ndarray
 from skfem import ElementQuad1
+from skfem.helpers import cross
 
 from ...mesh.bases import (
     CENTRE,
     HourglassBasis,
     MeanBasis,
     components,
-    cross,
     element_numbers,
     function_gradients,
 )
