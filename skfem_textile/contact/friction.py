@@ -119,8 +119,9 @@ class Friction:
         """Work in N·mm that a step misses, because the motion turns within it.
 
         The bounds over the paths of the points on the tool, less the bounds over their
-        straight connections, along which the step counts slip.  The ply moves straight
-        between both states, the tool by its motion.
+        straight connections, along which the step counts slip.  The tool moves by its
+        motion, the ply straight between both states.  A point that follows the tool
+        moves along with it instead: as much as a point moves in space is not counted.
 
         Parameters
         ----------
@@ -135,7 +136,8 @@ class Friction:
         x = np.array([self._tangential(self._local(*at), p) for at in within])
         path = np.linalg.norm(np.diff(x, axis=0), axis=1).sum(axis=0)
         counted = np.maximum(np.linalg.norm(x[-1] - x[0], axis=0), self.slip)
-        return float(p["bound"] @ np.maximum(path - counted, 0.0))
+        moved = np.linalg.norm(self._positions(u) - self._positions(u_0), axis=0)
+        return float(p["bound"] @ np.maximum(path - counted - moved, 0.0))
 
     def stored(self, u: ndarray, t: float, p: Values) -> float:
         """Energy of the elastic slips, Σ b h of their lengths, in N·mm."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import real_numbers, shortened
-from ..ply.amount import Limits, Part, Rows, ends_of_parts, refuse_places
+from ..ply.amount import SAME, Limits, Part, Rows, ends_of_parts, refuse_places
 from ..solve.continuation import LoadSteps, refuse_steps
 from ..solve.result import Result
 from .holder import pressing
@@ -82,9 +82,6 @@ _ROWS = list, tuple, ndarray
 
 # Of loads.
 _ANY = Limits()
-
-# Relative difference of two values that is round-off.
-_SAME = 1e-9
 
 
 class Process:
@@ -274,7 +271,7 @@ class Process:
             part = self._part(name, what, given, before, between)
             begins, ends = (np.ravel(part(t)) for t in between)
             jumps = name == "friction"
-            if not (jumps or np.allclose(begins, before, _SAME, _SAME)):
+            if not (jumps or np.allclose(begins, before, SAME, SAME)):
                 raise ValueError(
                     f"{what} begins with {_text(begins, limits)}, but {left} "
                     f"{_text(before, limits)}"
@@ -342,7 +339,7 @@ def _same(some: Sequence[Any], others: Sequence[Any], at: Sequence[float]) -> bo
         return np.hstack([[], *map(np.ravel, parts)])
 
     one, other = values(some), values(others)
-    return one.shape == other.shape and np.allclose(one, other, _SAME, _SAME)
+    return one.shape == other.shape and np.allclose(one, other, SAME, SAME)
 
 
 def _listed(what: str, given: Any) -> tuple[Any, ...]:

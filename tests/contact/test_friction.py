@@ -475,6 +475,22 @@ def test_supports_that_turn_back_within_a_step_are_a_warning(steps, resolved):
     assert told != resolved
 
 
+def test_a_ply_that_follows_a_tool_slips_in_no_step():
+    """It turns with the plate, and not along the straight lines between its states."""
+    plate = Tool(PLANE, motion=turned, side=1, friction=0.3, name="plate")
+    weight = Holder(PLANE, pressure=0.01, side=1, name="weight")
+    mesh = grid(20.0, 20.0, 2, 2).translated((-10.0, -10.0)).with_defaults()
+    terms = [plate, weight]
+    ply = Ply(mesh, Fabric(1e3, 10.0), OnePoint(), terms, dimension=3)
+    checks = ("work", "stabilisation", "deviation")
+    held = {"centre": Condition(lambda X: (X == 0).all(axis=0), (0, 0, None))}
+    result = LoadStepper(ply, held, steps=4, warn_only=checks).run()
+    assert result.path_resolved
+    x = ply.positions(result.u)[:2]
+    c, s = np.cos(2.0), np.sin(2.0)
+    assert x == pytest.approx(np.array([[c, -s], [s, c]]) @ ply.nodes, abs=0.1)
+
+
 def test_a_step_that_misses_the_work_of_friction_is_halved_on_request():
     plate = Tool(PLANE, motion=returned, side=1, friction=0.3, name="plate")
     weight = Holder(PLANE, pressure=0.01, side=1, name="weight")
