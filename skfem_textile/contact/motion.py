@@ -59,3 +59,16 @@ def travelled(tool: str, motion: Motion | None, t: float) -> ndarray:
     motion = getattr(motion, "translation", motion)
     (_, first), (_, now) = (placement(tool, motion, x) for x in (0.0, t))
     return now - first
+
+
+def angle_turned(tool: str, motion: Motion | None, t: float) -> float:
+    """Angle of the rotation from the initial position in radians.
+
+    It is at most π if the motion is a function that returns matrices: then from ‖R −
+    R₀‖² = 8 sin²(θ/2), which is accurate for small angles too.
+    """
+    if angle := getattr(motion, "rotation", None):
+        return abs(float(angle(t) - angle(0.0)))
+    (first, _), (now, _) = (placement(tool, motion, x) for x in (0.0, t))
+    sine = np.linalg.norm(now - first) / np.sqrt(8)
+    return 2 * float(np.arcsin(min(sine, 1.0)))

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, identity
 from skfem import CellBasis, ElementQuad1, LinearForm, Mesh, asm
 
@@ -25,8 +24,8 @@ from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm, ElementTerm
 from ..solve.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..surfaces.surface import Surface
-from .motion import Motion, placement, travelled
-from .outline import ROUND_OFF, crossing_edges, inside, is_flat
+from .motion import Motion, angle_turned, placement, travelled
+from .outline import ROUND_OFF, corners_of, inside
 
 # Extent of a tool relative to the size of the ply above which its unit is wrong.
 # Metres in place of millimetres are 1000.
@@ -118,7 +117,7 @@ class Obstacle:
         X = np.pad(node_positions(basis), ((0, 1), (0, 0)))
         refuse_extent(what, tool.surface, basis.mesh)
         check_surface(what, tool.surface, X)
-        outline = _corners(what, tool.outline)
+        outline = corners_of(what, tool.outline)
         side = tool.side or 1
         obstacle = cls(
             *(what, tool.surface, tool.motion, X, side, half, outline, reach),
@@ -299,26 +298,6 @@ def refuse_extent(what: str, surface: Surface, mesh: Mesh) -> None:
     raise ValueError(f"{what} extends over {extent:.3g} mm, {off}: check its unit")
 
 
-def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
-    """Validated corners of an outline."""
-    if outline is None:
-        return None
-    corners = real_numbers(f"{what}: outline", outline)
-    if corners.ndim != 2 or corners.shape[0] != 2 or corners.shape[1] < 3:
-        raise ValueError(
-            f"{what}: outline must have the shape (2, n) with at least three corners, "
-            f"not {corners.shape}"
-        )
-    if not np.isfinite(corners).all():
-        raise ValueError(f"{what}: outline must be finite")
-    if (crossing := crossing_edges(corners)) is not None:
-        first, second = (f"from corner {i}" for i in crossing)
-        raise ValueError(f"{what}: the edges of the outline {first} and {second} cross")
-    if is_flat(corners):
-        raise ValueError(f"{what}: the outline encloses no area")
-    return corners
-
-
 class ContactPoints:
     """Contact points of the nodes of a ply, see `contact_points`.
 
@@ -420,9 +399,7 @@ class ToolTerm(ElementTerm):
 
     def amounts_at(self, t: float) -> dict[str, ndarray]:
         """Placement, gap, friction and slip at a load factor, for checkpoints."""
-        values: dict[str, Any] = {
-            "motion": np.vstack(self._obstacle.placement(t)),
-        }
+        values: dict[str, Any] = {"motion": np.vstack(self._obstacle.placement(t))}
         if self._obstacle.reach:
             values["gap"] = self._obstacle.reach(t)
         if self.friction:
@@ -500,16 +477,8 @@ class ToolTerm(ElementTerm):
         return travelled(self._obstacle.what, self._obstacle.motion, t)
 
     def rotation(self, t: float) -> float:
-        """Angle of the rotation from the initial position in radians.
-
-        It is at most π if the motion is a function that returns matrices: then from
-        ‖R − R₀‖² = 8 sin²(θ/2), which is accurate for small angles too.
-        """
-        if angle := getattr(self._obstacle.motion, "rotation", None):
-            return abs(float(angle(t) - angle(0.0)))
-        (first, _), (now, _) = map(self._obstacle.placement, (0.0, t))
-        sine = np.linalg.norm(now - first) / np.sqrt(8)
-        return 2 * float(np.arcsin(min(sine, 1.0)))
+        """Angle from the initial position in radians, see `angle_turned`."""
+        return angle_turned(self._obstacle.what, self._obstacle.motion, t)
 
 
 class ToolParameters(TermParameters):
@@ -603,6 +572,27 @@ class ToolContact(ToolTerm, ContactTerm):
         at = self._at(u, t)
         gap = self._obstacle.gap_of(at, p["outlined"], t) if "outlined" in p else at.gap
         return np.where(self._takes_part, gap, np.inf)
+
+    def contradictions(self, states: Sequence[Any]) -> list[str]:
+        """Nodes that cross its outline, or those of `ToolTerm`."""
+        if (at := next(filter(self._crosses_outline, states), None)) is None:
+            return super().contradictions(states)
+        return [
+            f"load factor {at.load_factor:g}: nodes that touch {self._obstacle.what} "
+            "cross its outline by over half an element in the step; they count as "
+            "within it or not by their position before: use more steps"
+        ]
+
+    def _crosses_outline(self, state: Any) -> bool:
+        """True if a node that touches moves by over half an element across it."""
+        u, t, p = state.u, state.load_factor, state.parameters[self.name]
+        if "outlined" not in p:
+            return False
+        gaps = np.array([self.gaps(u, t, p), self.gaps(u, t)])
+        crosses = np.isfinite(gaps[0]) != np.isfinite(gaps[1])
+        touches = gaps.min(axis=0) <= ROUND_OFF * self._element
+        moved = np.linalg.norm(self._points.positions(u) - p["outlined"], axis=0)
+        return bool((crosses & touches & (moved > 0.5 * self._element)).any())
 
     def reaches(self, u: ndarray, t: float) -> bool:
         """True if a node of the ply is within the edges and outline of the tool."""

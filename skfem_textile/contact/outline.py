@@ -4,9 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from ..mesh.requirements import require
+from ..mesh.user_input import real_numbers
 
 if TYPE_CHECKING:
     from shapely import Geometry
@@ -112,3 +114,23 @@ def shares_inside(corners: ndarray, mesh: Mesh, x: ndarray) -> ndarray:
     shares[crossed] = shapely.area(parts) / whole[crossed]
     areas = shapely.area(shapely.polygons(mesh.p[:, fan].transpose(1, 3, 2, 0)))
     return np.asarray((areas * shares).sum(axis=0) / areas.sum(axis=0))
+
+
+def corners_of(what: str, outline: ArrayLike | None) -> ndarray | None:
+    """Validated corners of an outline."""
+    if outline is None:
+        return None
+    corners = real_numbers(f"{what}: outline", outline)
+    if corners.ndim != 2 or corners.shape[0] != 2 or corners.shape[1] < 3:
+        raise ValueError(
+            f"{what}: outline must have the shape (2, n) with at least three corners, "
+            f"not {corners.shape}"
+        )
+    if not np.isfinite(corners).all():
+        raise ValueError(f"{what}: outline must be finite")
+    if (crossing := crossing_edges(corners)) is not None:
+        first, second = (f"from corner {i}" for i in crossing)
+        raise ValueError(f"{what}: the edges of the outline {first} and {second} cross")
+    if is_flat(corners):
+        raise ValueError(f"{what}: the outline encloses no area")
+    return corners

@@ -14,6 +14,7 @@ from skfem_textile import (
     BodyForce,
     Condition,
     Fabric,
+    Full,
     Holder,
     LoadStepper,
     Macro,
@@ -469,3 +470,18 @@ def test_a_ply_that_reaches_where_a_surface_is_not_finite_is_refused():
     u, p = ply.basis.zeros(), term.parameters.at_rest()
     assert np.isfinite(term.residual(u, 0.0, p)).all()
     assert np.isfinite(term.matrices(u, 0.0, p)).all()
+
+
+def test_nodes_that_cross_an_outline_in_a_large_step_are_a_warning():
+    """They touch or not by their position at the last state."""
+    x = np.linspace(0, 60, 7)
+    mesh = MeshQuad.init_tensor(x, x[:3]).with_defaults()
+    outline = [[-99, 35, 35, -99], [-99, -99, 99, 99]]
+    plate = Tool(drape.Plane(), side=1, outline=outline, name="plate")
+    weight, fabric = BodyForce((0, 0, -1e-4)), Fabric(10.0, 0.5, bending=(1.0, 1.0))
+    ply = Ply(mesh, fabric, Full(), terms=[plate, weight], dimension=3)
+    pulled = {x: Condition(x, (20.0, 0.0, 0.0)) for x in ("left", "right")}
+    text = "load factor 1: nodes that touch tool 'plate' cross its outline by over half"
+    for steps, warned in ((1, True), (5, False)):
+        found = ply.contradictions(LoadStepper(ply, pulled, steps=steps).run().states)
+        assert [x.startswith(text) for x in found] == warned * [True]
