@@ -574,7 +574,7 @@ class ToolContact(ToolTerm, ContactTerm):
         return np.where(self._takes_part, gap, np.inf)
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
-        """Nodes that cross its outline, or those of `ToolTerm`."""
+        """Nodes that cross its outline, else see `ToolTerm`."""
         if (at := next(filter(self._crosses_outline, states), None)) is None:
             return super().contradictions(states)
         return [
