@@ -52,7 +52,11 @@ MISSING = {
     ),
     "speed": ("overhead",),
 }
-FURTHER = {"angles": ("30", "37", "45", "52", "60"), "calibration": ("benchmark",)}
+FURTHER = {
+    "angles": ("30", "37", "45", "52", "60"),
+    "calibration": ("benchmark",),
+    "speed": ("drapes",),
+}
 
 
 @each_study
