@@ -80,7 +80,7 @@ class Tool:
         Thickness of the ply in mm: its nodes keep half of it from the tool.
     outline
         Corners of a polygon in mm, shape (2, n), in the x-y plane of the surface: nodes
-        that are outside at the begin of a step do not touch the tool in it.  None for
+        that are outside at the start of a step do not touch the tool in it.  None for
         no outline.
     friction
         Coefficient μ of Coulomb friction with the ply, from 0 to 2; or a function of
