@@ -303,7 +303,7 @@ class Turning:
         radius = np.linalg.norm(ply.nodes, axis=0)
         exact = float(bound @ np.maximum(_ANGLE * radius - slip, 0.0))
         work = float(lost(result)[-1])
-        told = (state.warnings.get("work", "") for state in result.states)
+        warnings = (state.warnings.get("work", "") for state in result.states)
         return [
             {
                 "case": str(self),
@@ -311,7 +311,7 @@ class Turning:
                 "work": work,
                 "exact": exact,
                 "off": work / exact - 1,
-                "warned": any("turns within the step" in text for text in told),
+                "warned": any("turns within the step" in text for text in warnings),
                 "resolved": result.path_resolved,
             }
         ]

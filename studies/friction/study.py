@@ -77,8 +77,8 @@ def turning(rows: list[Row]) -> str:
     """Work of a plate that turns by 2 rad, by the number of steps."""
     columns = {"steps": "{steps}", "work of sliding in N·mm": "{work:.3f}"}
     columns |= {"exact": "{exact:.3f}", "difference": "{off:.1%}"}
-    known = [{**row, "told": "yes" if row["warned"] else "no"} for row in rows]
-    return table(known, {**columns, "warning": "{told}"})
+    known = [{**row, "shown": "yes" if row["warned"] else "no"} for row in rows]
+    return table(known, {**columns, "warning": "{shown}"})
 
 
 def hemispheres(rows: list[Row]) -> str:

@@ -461,18 +461,18 @@ PULLED_BACK = {
 def test_a_motion_that_turns_within_a_step_is_a_warning(case, steps, missed):
     """The path is then not resolved, although there is an equilibrium."""
     result = between(*case, steps)
-    told = [x for x in result.warnings if "the motion turns within the step" in x]
+    turns = [x for x in result.warnings if "the motion turns within the step" in x]
     assert result.path_resolved == (not missed)
-    assert len(told) == bool(missed)
-    assert not missed or f"step: {missed}% of the work of friction" in told[0]
+    assert len(turns) == bool(missed)
+    assert not missed or f"step: {missed}% of the work of friction" in turns[0]
 
 
 @pytest.mark.parametrize(("steps", "resolved"), [(1, False), (2, True), (3, False)])
 def test_supports_that_turn_back_within_a_step_are_a_warning(steps, resolved):
     result = between(None, steps, PULLED_BACK)
     assert result.path_resolved == resolved
-    told = any("the motion turns within the step" in x for x in result.warnings)
-    assert told != resolved
+    warned = any("the motion turns within the step" in x for x in result.warnings)
+    assert warned != resolved
 
 
 def test_a_ply_that_follows_a_tool_slips_in_no_step():
