@@ -100,7 +100,7 @@ def check_tools(ply: Ply, moved: float = 0.0) -> None:
 def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> set[str]:
     """Refuse tools that cross; returns the names of those that push a node."""
     X, free = np.pad(ply.nodes, ((0, 1), (0, 0))), _FREE * _size(ply)
-    x, normals = [X] * len(tools), [_normal(x, X) for x in tools]
+    x, normals = [X] * len(tools), [_normal(x) for x in tools]
     pairs = permutations(range(len(tools)), 2)
     opposite = [(i, j) for i, j in pairs if normals[i] @ normals[j] < OPPOSITE]
     touching = set()
@@ -122,11 +122,10 @@ def _load_factors(tools: Sequence[ToolTerm], intervals: int = _PUSHES) -> list[f
     return sorted({*equal, *(t for amount in amounts for t in amount.load_factors)})
 
 
-def _normal(tool: ToolContact, X: ndarray) -> ndarray:
+def _normal(tool: ToolContact) -> ndarray:
     """Initial normal of a tool at the nearest node; zero if it does not reach any."""
-    at = tool._obstacle.gaps(X, 0.0)
-    nearest = int(at.gap.argmin())
-    return np.where(np.isfinite(at.gap[nearest]), at.normal[:, nearest], 0.0)
+    normal, gap = tool._obstacle.at_rest
+    return np.where(np.isfinite(gap), normal, 0.0)
 
 
 def _pushed_out(
@@ -256,9 +255,7 @@ def _warn_of_travels(
                 )
                 log.warning(text, tool.name, travel, gap)
             continue
-        normal = _normal(tool, np.pad(ply.nodes, ((0, 1), (0, 0))))
-        along = max(float(normal @ tool.travel(t)) for t in _load_factors(tools))
-        pushed = along - float(tool.gaps(ply.basis.zeros(), 0.0).min())
+        pushed = max(map(tool._obstacle.depth, _load_factors(tools)))
         if pushed > _FAR * whole:
             text = (
                 "tool %r pushes the ply by %.3g mm, over half of the size of the "

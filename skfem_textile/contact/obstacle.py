@@ -10,6 +10,8 @@ vanishes, touch no tool.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -107,6 +109,15 @@ class Obstacle:
             raise ValueError(
                 f"{what}: a tool requires a ply in space: use Ply(..., dimension=3)"
             )
+        refuse_extent(what, tool.surface, basis.mesh)
+        return cls.near(tool, node_positions(basis), reach)
+
+    @classmethod
+    def near(
+        cls, tool: Any, nodes: ndarray, reach: Callable[[float], float] | None = None
+    ) -> "Obstacle":
+        """Obstacle near the nodes of a flat ply, shape (2, n_nodes), of any size."""
+        what = f"tool {tool.name!r}"
         if tool.side not in (None, 1, -1):
             raise ValueError(f"{what}: side must be 1, -1 or None, got {tool.side!r}")
         half = 0.5 * float(real_numbers(f"{what}: thickness", tool.thickness))
@@ -114,8 +125,7 @@ class Obstacle:
             raise ValueError(
                 f"{what}: the thickness must not be negative, got {2 * half:g} mm"
             )
-        X = np.pad(node_positions(basis), ((0, 1), (0, 0)))
-        refuse_extent(what, tool.surface, basis.mesh)
+        X = np.pad(nodes, ((0, 1), (0, 0)))
         check_surface(what, tool.surface, X)
         outline = corners_of(what, tool.outline)
         side = tool.side or 1
@@ -132,6 +142,32 @@ class Obstacle:
     def placement(self, t: float) -> tuple[ndarray, ndarray]:
         """Rotation matrix and translation at a load factor, see `placement`."""
         return placement(self.what, self.motion, t)
+
+    @cached_property
+    def at_rest(self) -> tuple[ndarray, float]:
+        """Normal and gap of the nearest node of the undeformed ply.
+
+        The gap is infinite if no node is within reach.
+        """
+        at = self.gaps(self.X, 0.0)
+        nearest = int(at.gap.argmin())
+        return at.normal[:, nearest], float(at.gap[nearest])
+
+    def travel(self, t: float) -> ndarray:
+        """Translation from the initial position in mm, see `travelled`."""
+        return travelled(self.what, self.motion, t)
+
+    def closed(self, t: float) -> float:
+        """Distance in mm by which it has moved towards the undeformed ply.
+
+        Along its normal at the nearest node; of a holder also by the change of its gap.
+        """
+        reach = self.reach or no_reach
+        return float(self.at_rest[0] @ self.travel(t)) + reach(0.0) - reach(t)
+
+    def depth(self, t: float) -> float:
+        """Depth in mm that it has reached beyond the plane of the undeformed ply."""
+        return max(self.closed(t) - self.at_rest[1], 0.0)
 
     def gaps(self, x: ndarray, t: float) -> Gaps:
         """Gaps of points, shape (3, n).
@@ -254,6 +290,27 @@ class Obstacle:
                 "tool, or specify its side"
             )
         return side
+
+
+def deepest(
+    obstacles: Sequence[Obstacle], load_factors: Sequence[float]
+) -> tuple[int, float]:
+    """Obstacle that reaches deepest beyond the plane of the ply, and when.
+
+    The one that travels farthest if none moves beyond the plane; the first of equal
+    ones.
+
+    Returns
+    -------
+    int, float
+        Its index and the load factor.
+    """
+
+    def reached(at: tuple[int, float]) -> tuple[float, float]:
+        obstacle, t = obstacles[at[0]], at[1]
+        return obstacle.depth(t), float(np.linalg.norm(obstacle.travel(t)))
+
+    return max(product(range(len(obstacles)), load_factors), key=reached)
 
 
 def turned(rotation: ndarray, H: ndarray) -> ndarray:
@@ -474,7 +531,7 @@ class ToolTerm(ElementTerm):
 
     def travel(self, t: float) -> ndarray:
         """Translation from the initial position in mm, see `travelled`."""
-        return travelled(self._obstacle.what, self._obstacle.motion, t)
+        return self._obstacle.travel(t)
 
     def rotation(self, t: float) -> float:
         """Angle from the initial position in radians, see `angle_turned`."""
