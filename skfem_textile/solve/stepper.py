@@ -107,7 +107,8 @@ class LoadStepper:
     ------
     ValueError
         If a condition is not valid at some load factor, tools leave no room for the ply
-        or never touch it (see `check_tools`), ``steps`` are not whole numbers
+        or never touch it (see `check_tools`), the steps of a `Process` have other tools
+        than the ply, ``steps`` are not whole numbers
         from 1 to a million, ``max_halvings`` not one from 0 to 30, a method or check is
         unknown, the solver is unknown or not installed, or an argument has the wrong
         type.
@@ -151,6 +152,8 @@ class LoadStepper:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
         _check_arguments(ply, max_halvings, warn_only, callbacks)
         self.steps = load_steps(steps)
+        if check_ply := getattr(steps, "check_ply", None):  # of a process
+            check_ply(ply)
         self.load_factors = self.steps.ends()[1:]
         chosen = solver_named(solver)
         self.ply = ply

@@ -264,6 +264,9 @@ def test_tools_that_are_not_the_tools_of_the_process_are_refused():
     assert process.at_ends(own) == [0]
     with pytest.raises(ValueError, match="'punch' of the ply is not the one of the"):
         process.at_ends(other)
+    for one in process, pickle.loads(pickle.dumps(process)):
+        with pytest.raises(ValueError, match="'punch' of the ply is not the one of"):
+            LoadStepper(other.ply, SYMMETRY, one.steps)
 
 
 @pytest.mark.parametrize(
