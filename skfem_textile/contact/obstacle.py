@@ -632,7 +632,16 @@ class ToolContact(ToolTerm, ContactTerm):
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
         """Nodes that cross its outline, else see `ToolTerm`."""
-        if (at := next(filter(self._crosses_outline, states), None)) is None:
+        name = self.name
+        at = next(
+            (
+                x
+                for x in states
+                if self.crosses_outline(x.u, x.load_factor, x.parameters[name])
+            ),
+            None,
+        )
+        if at is None:
             return super().contradictions(states)
         return [
             f"load factor {at.load_factor:g}: nodes that touch {self._obstacle.what} "
@@ -640,9 +649,8 @@ class ToolContact(ToolTerm, ContactTerm):
             "within it or not by their position before: use more steps"
         ]
 
-    def _crosses_outline(self, state: Any) -> bool:
+    def crosses_outline(self, u: ndarray, t: float, p: Values) -> bool:
         """True if a node that touches moves by over half an element across it."""
-        u, t, p = state.u, state.load_factor, state.parameters[self.name]
         if "outlined" not in p:
             return False
         gaps = np.array([self.gaps(u, t, p), self.gaps(u, t)])

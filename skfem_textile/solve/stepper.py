@@ -534,6 +534,9 @@ class Run:
             growth = load_growth(problem, last, t) if loaded else 0.0
             self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
+        if found.crosses_outline and self.continuation.halves(step):
+            log.info("the step to load factor %g crosses an outline and is halved", t)
+            return
         state, settled = self._reached(found)
         projected = found.projected
         if driven and self._jumps(state):
@@ -596,7 +599,8 @@ class Run:
         """The state, and whether it is independent of the number of steps."""
         before = sum(state.linear_solves for state in self.states)
         state = found.state(self.problem.clock.solves - before)
-        resolved = not (self._depends_on_steps(state) or found.misses_sliding)
+        misses = found.misses_sliding or found.crosses_outline
+        resolved = not (misses or self._depends_on_steps(state))
         return state, found.converged and resolved
 
     def _jumps(self, state: State) -> bool:

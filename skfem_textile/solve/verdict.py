@@ -164,6 +164,12 @@ class Trial(Equilibrium):
         return self.missed_sliding > _MISSED_WORK
 
     @property
+    def crosses_outline(self) -> bool:
+        """True if nodes cross the outline of a tool in a step that is too long."""
+        u, t, p = self.u, self.problem.load_factor, self.parameters
+        return any(x.crosses_outline(u, t, p[x.name]) for x in self.problem.contacts)
+
+    @property
     def waits_for_tools(self) -> bool:
         """True if the ply is still undeformed, because no tool has reached it."""
         size = float(np.ptp(self.problem.nodes, axis=1).max())
