@@ -709,30 +709,6 @@ def test_friction_of_a_tool_that_touches_nothing_is_a_warning(caplog):
     assert result.ply.contradictions(early) == []
 
 
-def lidded(height, **motion):
-    """Stepper of a ply that a punch pushes by 4 mm, below a lid with friction."""
-    punch = Tool(drape.Sphere(30.0, (0, 0, -30)), (0, 0, 4.0), name="punch")
-    surface = drape.Plane((0, 0, height))
-    lid = Tool(surface, side=-1, friction=0.2, name="lid", **motion)
-    fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0))
-    ply = Ply(grid(50.0, 50.0, 4, 4), fabric, terms=[punch, lid], dimension=3)
-    return LoadStepper(ply, {"edge": Condition("right", (0.1, 0.0, 0.0))}, steps=1)
-
-
-def test_friction_out_of_reach_is_a_warning_before_the_run(caplog):
-    lidded(5.0)
-    assert (
-        "friction of tool 'lid' may have no effect: it stays 5 mm away from the "
-        "undeformed ply, and supports and other tools move by 4.1 mm" in caplog.text
-    )
-
-
-@pytest.mark.parametrize(("height", "down"), [(4.0, 0.0), (5.0, -1.0)])
-def test_there_is_no_such_warning_of_a_tool_that_may_be_reached(height, down, caplog):
-    lidded(height, motion=(0, 0, down))
-    assert "friction" not in caplog.text
-
-
 def test_a_holder_with_a_force_stands_at_its_distance():
     """One with a prescribed pressure has no position."""
     law = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03))
