@@ -92,6 +92,10 @@ def test_invalid_laws_of_compaction(make, message):
             lambda: punch(motion=lambda t: (2 * np.eye(3), np.zeros(3))),
             "not a rotation",
         ),
+        (
+            lambda: punch(motion=(0, 0, -1e200)),
+            r"'punch': motion is 1e\+200 mm at load factor 1: check its unit",
+        ),
         (lambda: punch(outline=[[0, 1], [0, 1]]), "at least three corners"),
         (lambda: Tool(drape.Plane()), "in the plane of the undeformed ply"),
         (
