@@ -25,7 +25,7 @@ from ..mesh.user_input import coords, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm, ElementTerm
 from ..solve.on_surface import CheckedSurface, SurfaceError, check_surface
-from ..surfaces.surface import Surface
+from ..surfaces.surface import Surface, triangle_sums
 from .motion import Motion, angle_turned, placement, travelled
 from .outline import ROUND_OFF, corners_of, inside
 
@@ -463,6 +463,20 @@ class ToolTerm(ElementTerm):
             values["friction"] = self.friction.bound(t, np.ones(()))
             values["elastic slip"] = np.array(self.friction.slip)
         return values
+
+    def identity(self) -> dict[str, ndarray]:
+        """Surface, outline, side and thickness, for checkpoints."""
+        obstacle = self._obstacle
+        rotation, translation = obstacle.placement(0.0)
+        surface, outline = triangle_sums(obstacle.surface), obstacle.outline
+        if not surface.size:
+            checked = CheckedSurface(obstacle.what, obstacle.surface)
+            surface = checked.level(rotation.T @ (obstacle.X - translation[:, None]))
+        return {
+            "surface": surface,
+            "outline": np.empty(0) if outline is None else outline,
+            "side and thickness": np.array([obstacle.side, obstacle.half]),
+        }
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Normal forces on the contact points in N, shape (n_nodes,)."""

@@ -11,6 +11,7 @@ from scipy.sparse import diags
 from skfem import MeshQuad
 
 from skfem_textile import (
+    CheckpointError,
     Condition,
     Fabric,
     Holder,
@@ -36,6 +37,7 @@ from skfem_textile.contact.compaction import RigidHolder
 from skfem_textile.contact.figures import _against_wrinkles
 from skfem_textile.contact.friction import Friction
 from skfem_textile.ply.parameters import Values
+from tests.helpers.tools import plate
 
 PLANE = drape.Plane((0.0, 0.0, 0.0))
 
@@ -267,6 +269,35 @@ def test_a_run_is_not_resumed_with_another_law_of_compaction_or_slip(tmp_path):
             stepper(other).run(resume=True)
     with pytest.raises(ValueError, match="elastic slip of 'plate' differ"):
         stepper(slip=0.03).run(resume=True)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (
+            {"bump": 0.01},
+            "surface of 'plate' differ: restore its file if this was changed since",
+        ),
+        ({"outline": 90.0 * np.array([[-1, 1, 1], [-1, -1, 2]])}, "outline of 'plate'"),
+    ],
+)
+def test_a_tool_that_changed_since_the_run_is_named(tmp_path, changed, message):
+    """Also a triangle far from the ply."""
+
+    def stepper(bump=0.0, **options):
+        points, triangles = plate(60.0, 9, lambda x, y: 0 * x)
+        points[2, 0] -= bump
+        surface = drape.TriangleMesh(points, triangles)
+        tool = Tool(surface, side=1, name="plate", **options)
+        holder = Holder(PLANE, side=1, pressure=0.01)
+        terms = [tool, holder]
+        ply = Ply(grid(50.0, 10.0, 2, 1), Fabric(1e5, 1.0), terms=terms, dimension=3)
+        held = {"held": Condition("right", (0.0, 0.0, None))}
+        return LoadStepper(ply, held, steps=1, checkpoint=tmp_path)
+
+    stepper().run()
+    with pytest.raises(CheckpointError, match=f"to another run: its {message}"):
+        stepper(**changed).run(resume=True)
 
 
 def test_an_initial_guess_is_refused_with_friction_of_tools():
