@@ -21,7 +21,7 @@ from skfem import CellBasis, ElementQuad1, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
 from ..mesh.recovery import contact_points, nodes_and_normal
-from ..mesh.user_input import coords, real_numbers
+from ..mesh.user_input import coords, real_numbers, refuse_in_files
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm, ElementTerm
 from ..solve.on_surface import CheckedSurface, SurfaceError, check_surface
@@ -118,6 +118,7 @@ class Obstacle:
     ) -> "Obstacle":
         """Obstacle near the nodes of a flat ply, shape (2, n_nodes), of any size."""
         what = f"tool {tool.name!r}"
+        refuse_in_files(what, tool.name)
         if tool.side not in (None, 1, -1):
             raise ValueError(f"{what}: side must be 1, -1 or None, got {tool.side!r}")
         half = 0.5 * float(real_numbers(f"{what}: thickness", tool.thickness))

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.user_input import real_numbers, shortened
+from ..mesh.user_input import real_numbers, refuse_in_files, shortened
 from ..ply import Ply
 from ..ply.amount import SAME, Limits, Part, Rows, ends_of_parts, refuse_places
 from ..solve.continuation import LoadSteps, refuse_steps
@@ -386,6 +386,7 @@ def _refuse_phases(phases: Sequence[Phase], tools: Sequence[str]) -> None:
         if names.count(phase.name) > 1:
             raise ValueError(f"two phases have the name {phase.name!r}: rename one")
         what = f"phase {phase.name!r}"
+        refuse_in_files(what, phase.name)
         refuse_steps(f"{what}: steps", phase.steps)
         _refuse_unknown(what, phase.tools, tools)
 

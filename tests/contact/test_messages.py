@@ -93,6 +93,10 @@ def test_invalid_laws_of_compaction(make, message):
             "not a rotation",
         ),
         (
+            lambda: Holder(drape.Plane(), gap=1.0, side=1, name="a\\b"),
+            "tool 'a.*b': the name contains .*, which names of files and columns can",
+        ),
+        (
             lambda: punch(motion=(0, 0, -1e200)),
             r"'punch': motion is 1e\+200 mm at load factor 1: check its unit",
         ),

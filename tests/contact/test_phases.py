@@ -274,6 +274,7 @@ def test_tools_that_are_not_the_tools_of_the_process_are_refused():
     [
         ("at least one phase", []),
         ("name of a phase must be text", [Phase("", 1)]),
+        ("phase 'a/b': the name contains '/', which names", [Phase("a/b", 1)]),
         ("a phase must be a Phase, got 3", [CLOSE, 3]),
         ("tools must be a dictionary", [Phase("x", 1, [3])]),
         ("changes of 'die' must be a dictionary", [Phase("x", 1, {"die": 3})]),
