@@ -8,7 +8,8 @@ from numpy import ndarray
 
 from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
-from ..solve.quantities import LOST, Quantity
+from ..solve.largest_angle import largest_shear_angle
+from ..solve.quantities import IN_SPACE, LOST, Quantity
 from ..solve.result import Result, components_mm
 from ..solve.states import State
 from .gaps import (
@@ -31,6 +32,10 @@ _RAYS = (0, 45, 90)
 # Ends of the columns of `tool_history` in the table of phases, and digits of a share.
 _TABLED = ("_travel_mm", "_rotation_deg", "_force_N", "_distance_mm")
 _DIGITS = 9
+
+# Cosine of an angle between the motion of a tool and the normal of a holder below which
+# the motion is along the holder: normals of smooth triangles deviate by a few degrees.
+_PARALLEL = 0.5
 
 # Relative difference of motions that is round-off.
 _ROUND_OFF = 1e-9
@@ -150,11 +155,11 @@ def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float
     computed.
     """
     figures = {name: column[-1].item() for name, column in history.items()}
-    along, known = np.abs(_along(result)), result.error.reactions
-    names = [tool.name for tool in pressing(result.ply)]
-    for name in names:
+    directions, known = _directions(result), result.error.reactions
+    names = [*directions]
+    for name, along in directions.items():
         if name in known:
-            figures[f"{name}_force_N_half_width"] = float(along @ known[name])
+            figures[f"{name}_force_N_half_width"] = float(np.abs(along) @ known[name])
     parts = mirror_images(result.ply)
     for name in names if parts in PARTS else ():
         for end in ("", "_half_width"):
@@ -214,8 +219,9 @@ def phase_table(result: Result, process: Any) -> list[dict[str, Any]]:
     last state of a run that stopped early; ``load_factor``; of each tool
     ``NAME_travel_mm``, ``NAME_force_N`` and so on, see `tool_history`; of each clamp
     ``NAME_force_N``;
-    ``max_shear_angle_deg``; ``max_draw_in_mm``; ``wrinkle_risk_share_of_area``; and
-    ``energy_lost`` in N·mm, by friction and by laws, if any is lost.
+    ``recovered_max_shear_angle_deg``, as in the summary; ``max_draw_in_mm``;
+    ``wrinkle_risk_share_of_area``; and ``energy_lost`` in N·mm, by friction and by
+    laws, if any is lost.
 
     Parameters
     ----------
@@ -237,7 +243,7 @@ def phase_table(result: Result, process: Any) -> list[dict[str, Any]]:
             "load_factor": t,
             **{key: column[i].item() for key, column in columns.items()},
             **result.clamp_forces(state),
-            "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
+            IN_SPACE.key: float(np.degrees(largest_shear_angle(ply, u))),
             "max_draw_in_mm": float(draw_in(ply, u).inwards.max()),
             "wrinkle_risk_share_of_area": share_of_area(ply, risk),
         }
@@ -259,16 +265,19 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
     """Force of each tool on the ply in N, by name, shape (n_states,).
 
     The component along the motion of the `driven_tool`, so that the forces of opposite
-    tools have opposite signs; along z if no tool travels.
+    tools have opposite signs; along z if no tool travels.  Of a holder the component
+    along the direction in which it presses, positive if it presses.
 
     Raises
     ------
     ValueError
         If the ply has no tools.
     """
-    ply, states, along = result.ply, result.states, _along(result)
+    ply, states, directions = result.ply, result.states, _directions(result)
     return {
-        x.name: np.array([tool_force(ply, x, state) @ along for state in states])
+        x.name: np.array(
+            [tool_force(ply, x, state) @ directions[x.name] for state in states]
+        )
         for x in pressing(ply)
     }
 
@@ -309,12 +318,19 @@ def _deepest_tool(result: Result) -> tuple[ToolTerm, float]:
     return tools[number], t
 
 
-def _along(result: Result) -> ndarray:
-    """Direction of the motion of the `driven_tool`; z if it does not travel."""
+def _directions(result: Result) -> dict[str, ndarray]:
+    """Directions of `tool_forces`, by the name of the tool."""
     tool, t = _deepest_tool(result)
     travelled = tool.travel(t)
     length = float(np.linalg.norm(travelled))
-    return travelled / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    along = travelled / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    found = {}
+    for x in pressing(result.ply):
+        normal, _ = x._obstacle.at_rest
+        presses = float(normal @ along) if x._obstacle.reach else 1.0
+        parallel = abs(presses) > _PARALLEL or not normal.any()
+        found[x.name] = np.copysign(1.0, presses) * along if parallel else normal
+    return found
 
 
 def travel(tool: ToolTerm, t: float) -> float:

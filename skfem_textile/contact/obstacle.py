@@ -151,7 +151,9 @@ class Obstacle:
         The gap is infinite if no node is within reach.
         """
         at = self.gaps(self.X, 0.0)
-        nearest = int(at.gap.argmin())
+        nearest = int(
+            np.where(np.isfinite(at.gap), np.abs(at.distance), np.inf).argmin()
+        )
         return at.normal[:, nearest], float(at.gap[nearest])
 
     def travel(self, t: float) -> ndarray:

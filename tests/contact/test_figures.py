@@ -130,6 +130,9 @@ def test_tools_open_further_than_the_punch_has_moved(driven, closed, opened):
     assert figures.driven_tool(result) == driven
     assert figures.last_closed(result) == 2
     assert deepest_of(process.tools, result.ply.mesh.p) == driven
+    directions = figures._directions(result)
+    assert directions["holder"].tolist() == [0, 0, 1]  # pressed from below
+    assert directions["die"][2] == (-1 if driven == "die" else 1)
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS)

@@ -238,7 +238,7 @@ def test_holders_with_outlines_are_segments():
         assert (force[near] > 0).all()
         assert not force[~near].any()
         pushed = pressures[term.name] * areas[term.name]
-        assert figures[f"{term.name}_force_N"] == pytest.approx(-pushed, rel=2e-5)
+        assert figures[f"{term.name}_force_N"] == pytest.approx(pushed, rel=2e-5)
         most = figures[f"{term.name}_max_pressure_N_per_mm2"]
         assert most == pytest.approx(pressures[term.name], rel=1e-3)
     total = sum(pressures[name] * areas[name] for name in boxes)
