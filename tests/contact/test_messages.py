@@ -343,7 +343,7 @@ def test_tools_do_not_apply_to_plane_and_draped_plies(name):
 def test_a_holder_has_a_gap_or_a_pressure_and_a_flange_to_press_on(files, flanged):
     punch, die = map(read_surface, files)
     for tools, options, message in (
-        (flanged, {"gap": 0.3, "pressure": 0.1}, "either a gap or a pressure"),
+        (flanged, {"gap": 0.3, "pressure": 0.1}, "either a gap, a pressure or a force"),
         ((punch, die), {"pressure": 0.1}, "no flat flange at z = 500.011 mm on which"),
         (flanged, {"pressure": -0.1}, "pressure must be a number of at least 0 N/mm2"),
     ):
