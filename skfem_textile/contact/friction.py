@@ -9,7 +9,8 @@ its motion in the axes of the tool.  Sliding begins after an elastic slip of the
 is the derivative of b h(|y|), where h(y) = y²/2ε up to ε and y − ε/2 beyond: a convex
 energy.  s is the force at the last state, not above b, and X₀ the place on the tool.
 n and b are updated within an iteration, near the equilibrium; s, X₀ and the work once a
-step.
+step.  The work is the slip beyond ε times the mean of the bounds at both ends of the
+step, because the bound changes within it.
 
 Newton's method converges slowly at the kink between sticking and sliding.  The tangent
 therefore contains the force σ that the previous increment predicts, which is linear in
@@ -26,6 +27,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from ..ply.amount import SAME
 from ..ply.parameters import Values
 from ..solve.direction import TINY
 from ..solve.verdict import WITHIN_STEP
@@ -36,8 +38,9 @@ class Friction:
 
     All vectors are in the axes of the tool, shape (3, n_nodes).  Its values among the
     parameters of the tool are ``bound``, b in N; ``normal``, n; ``slips_from``, X₀ in
-    mm; ``shear``, s in N; ``predicted``, σ in N; and ``work``, the work of sliding in
-    N·mm.
+    mm; ``shear``, s in N; ``predicted``, σ in N; ``work``, the work of sliding in N·mm;
+    and of the last state ``pressed``, the normal forces in N, and ``since``, its load
+    factor.
 
     Parameters
     ----------
@@ -49,6 +52,8 @@ class Friction:
         Rotation R and translation c of the tool at a load factor.
     positions
         Positions x of the contact points at a displacement in mm.
+    leaves
+        True if the tool may leave points; False if its normal forces are prescribed.
     """
 
     def __init__(
@@ -57,9 +62,11 @@ class Friction:
         slip: float,
         placement: Callable[[float], tuple[ndarray, ndarray]],
         positions: Callable[[ndarray], ndarray],
+        leaves: bool = True,
     ) -> None:
         self._coefficient, self.slip = coefficient, slip
         self._placement, self._positions = placement, positions
+        self._leaves = leaves
 
     def at_rest(self, u: ndarray) -> dict[str, Any]:
         """Values of a ply at rest, which touches nothing."""
@@ -72,6 +79,8 @@ class Friction:
             "shear": none,
             "predicted": none,
             "work": np.zeros(()),
+            "pressed": none[0],
+            "since": np.zeros(()),
         }
 
     def bound(self, t: float, force: ndarray) -> ndarray:
@@ -99,13 +108,29 @@ class Friction:
         force = (p["bound"] * (y + dy) - turned) / np.maximum(size, self.slip)
         return Values({**p, "predicted": _bounded(force, p["bound"])})
 
-    def advanced(self, p: Values, u: ndarray, t: float) -> Values:
-        """Values after a step, at its converged displacement."""
-        y, size = self._slipped(u, t, p)
-        force, x = self._force(u, t, p), self._local(u, t)
-        slid = y * np.maximum(1 - self.slip / np.maximum(size, TINY), 0.0)
-        work = p["work"] + (force * slid).sum()
-        return Values({**p, "slips_from": x, "shear": force, "work": work})
+    def advanced(self, p: Values, u: ndarray, t: float, force: ndarray) -> Values:
+        """Values after a step, at its converged displacement and normal forces."""
+        _, size = self._slipped(u, t, p)
+        slid = np.maximum(size - self.slip, 0.0)
+        after = {
+            "slips_from": self._local(u, t),
+            "shear": self._force(u, t, p),
+            "work": p["work"] + self._mean_bound(p, t, force) @ slid,
+            "pressed": force,
+            "since": np.array(t),
+        }
+        return Values({**p, **after})
+
+    def _mean_bound(self, p: Values, t: float, force: ndarray) -> ndarray:
+        """Bounds in N averaged over the slip of a step, shape (n_nodes,).
+
+        They change linearly.  A point that the tool leaves is taken to slip without
+        contact, because it moves away in an unknown part of the step.
+        """
+        # A coefficient may jump at the start of the step.
+        before = self._coefficient(min(float(p["since"]) + SAME, t)) * p["pressed"]
+        mean = 0.5 * (before + p["bound"])
+        return np.where(force > 0, mean, 0.0) if self._leaves else mean
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Σ b (h(|y|) − h(|y|) at the last state), in N·mm."""

@@ -25,7 +25,7 @@ from .states import CheckpointError, Equilibrium, State, Verdict
 from .verdict import Trial
 
 # File format version; other versions are refused.
-_FORMAT = 10
+_FORMAT = 11
 
 # Advice for a checkpoint of another run.
 _OTHER = "; use the arguments of that run, or another folder"

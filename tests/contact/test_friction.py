@@ -381,13 +381,19 @@ def stored(state):
 
 @pytest.mark.dear("two formed plies")
 def test_friction_raises_the_force_of_a_punch_whose_work_is_stored_or_lost():
-    free, *_ = formed(0.0)
-    force, of_punch, of_holder, states = formed(0.3)
-    lost = sum(states[-1].energy_lost.values())
-    risen = stored(states[-1]) - stored(states[0])
+    """As without friction, where sums by trapezoids are off by 1.6 % in six steps."""
+    off = []
+    for friction in 0.0, 0.3:
+        force, of_punch, of_holder, states = formed(friction)
+        lost = sum(states[-1].energy_lost.values())
+        risen = stored(states[-1]) - stored(states[0])
+        off.append((risen + lost) / (of_punch + of_holder) - 1)
+        if not friction:
+            free = force
     assert force > 1.3 * free
     assert lost > 0.3 * of_punch
-    assert of_punch + of_holder == pytest.approx(risen + lost, rel=0.01)
+    assert off[1] == pytest.approx(off[0], abs=0.001)
+    assert abs(off[0]) < 0.02
     assert of_holder > 0.02 * of_punch
 
 
@@ -415,11 +421,28 @@ def test_a_disc_that_turns_pulls_the_ply_around_with_its_bound_at_each_radius():
     assert -torque == pytest.approx(p["bound"] @ np.hypot(x[0], x[1]), rel=1e-3)
 
 
+# Bounds that change within a step
+
+
+RISING = {"pressure": lambda t: 0.0001 + 0.0199 * t, "friction": 0.3}
+FALLING = {"pressure": lambda t: 0.02 - 0.0199 * t, "friction": 0.3}
+JUMPING = {"pressure": 0.01, "friction": lambda t: 0.2 if t <= 0.5 else 0.4}
+
+
+@pytest.mark.parametrize("weight", [RISING, FALLING, JUMPING])
+@pytest.mark.parametrize("steps", [2, 4])
+def test_the_work_of_sliding_is_independent_of_the_steps(weight, steps):
+    """The mean bound, 1.2 N, times the path of 2 mm, less the elastic slip."""
+    moved = {name: Condition(name, (2.0, 0.0, None)) for name in ("left", "right")}
+    lost = between(None, steps, moved, **weight).states[-1].energy_lost
+    assert lost == pytest.approx({"plate": 2.4, "weight": 2.4}, rel=0.02)
+
+
 # Motions that turn within a step
 
 
-def turned(t):
-    c, s = np.cos(2 * t), np.sin(2 * t)
+def turned(t, angle=2.0):
+    c, s = np.cos(angle * t), np.sin(angle * t)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]), np.zeros(3)
 
 
@@ -427,11 +450,11 @@ def returned(t):
     return 2 * (1 - abs(1 - 2 * t)), 0.0, 0.0
 
 
-def between(motion, steps, conditions=None):
+def between(motion, steps, conditions=None, pressure=0.01, friction=0.0):
     """Square ply of 4 N between a weight and a plate, or conditions, that move."""
     mesh = grid(20.0, 20.0, 1, 1).translated((-10.0, -10.0)).with_defaults()
     plate = Tool(PLANE, motion=motion, side=1, friction=0.3, name="plate")
-    weight = Holder(PLANE, pressure=0.01, side=1, name="weight")
+    weight = Holder(PLANE, pressure=pressure, side=1, friction=friction, name="weight")
     ply = Ply(mesh, Fabric(1e5, 1e4), OnePoint(), [plate, weight], dimension=3)
     held = conditions or {
         name: Condition(name, (0, 0, None)) for name in ("left", "right")
