@@ -30,7 +30,7 @@ from numpy import ndarray
 from ..ply.amount import SAME
 from ..ply.parameters import Values
 from ..solve.direction import TINY
-from ..solve.verdict import WITHIN_STEP
+from ..solve.verdict import Course
 
 
 class Friction:
@@ -139,30 +139,56 @@ class Friction:
         return float(p["bound"] @ (self._height(size) - self._height(start)))
 
     def missed(
-        self, p: Values, start: tuple[ndarray, float], u: ndarray, t: float
+        self, p: Values, course: Course, u: ndarray, t: float, force: ndarray
     ) -> float:
         """Work in N·mm that a step misses, because the motion turns within it.
 
         The bounds over the paths of the points on the tool, less the bounds over their
-        straight connections, along which the step counts slip.  The tool moves by its
-        motion, the ply straight between both states.  A point that follows the tool
-        moves along with it instead: as much as a point moves in space is not counted.
+        straight connections, along which the step counts slip.
+
+        A free point may follow the tool, or a support, instead of moving straight.  As
+        much as it moves in space is not counted, nor is a path shorter than the elastic
+        slip.  Of supports that turn the whole ply is assumed to follow the one that
+        turns most, in proportion to the slips.
 
         Parameters
         ----------
-        p, u, t
-            Values, displacement and load factor at the end of the step.
-        start
-            Displacement and load factor at its start.
+        p, u, t, force
+            Values, displacement, load factor and normal forces at the end of the step.
+        course
+            Motion of the ply within the step.
         """
-        u_0, t_0 = start
-        shares = np.linspace(0, 1, WITHIN_STEP + 1)
-        within = [(u_0 + s * (u - u_0), t_0 + s * (t - t_0)) for s in shares]
-        x = np.array([self._tangential(self._local(*at), p) for at in within])
-        path = np.linalg.norm(np.diff(x, axis=0), axis=1).sum(axis=0)
-        counted = np.maximum(np.linalg.norm(x[-1] - x[0], axis=0), self.slip)
-        moved = np.linalg.norm(self._positions(u) - self._positions(u_0), axis=0)
-        return float(p["bound"] @ np.maximum(path - counted - moved, 0.0))
+        x, over, net = self._velocities(course)
+        n = p["normal"]
+        normal = self._placement(t)[0] @ n
+        path = course.length(over - normal * (over * normal).sum(axis=1)[:, None])
+        counted = np.linalg.norm(net - n * (n * net).sum(axis=0), axis=0)
+        counted = np.maximum(counted, self.slip)
+        ends = [self._positions(course.u + du) for du in (0.0, course.free, course.du)]
+        followed = np.linalg.norm(ends[1] - ends[0], axis=0)
+        # Without the mean motion of the tool, supports turn in space.
+        over = over + course.sum(x - over) / course.weights.sum()
+        straight = (ends[2] - ends[0]) / course.weights.sum()
+        back = course.length(over) - course.length(over - x + straight) - self.slip
+        most = int(back.argmax())
+        chord = max(float(np.linalg.norm(ends[2] - ends[0], axis=0)[most]), self.slip)
+        of_support = max(float(back[most]), 0.0) * np.minimum(counted / chord, 1.0)
+        missed = np.maximum(path - counted - followed, of_support)
+        return float(self._mean_bound(p, t, force) @ missed)
+
+    def _velocities(self, course: Course) -> tuple[ndarray, ndarray, ndarray]:
+        """Velocities of the points in a step, and over the tool; and the slip.
+
+        Both in the axes of the ply, shape (n, 3, n_nodes); the slip is in the axes of
+        the tool, (3, n_nodes).
+        """
+        x, over, local = [], [], []
+        for first, last in course.around:
+            dt = last[1] - first[1]
+            x.append((self._positions(last[0]) - self._positions(first[0])) / dt)
+            local.append((self._local(*last) - self._local(*first)) / dt)
+            over.append(self._placement(first[1])[0] @ local[-1])
+        return np.array(x), np.array(over), course.sum(np.array(local))
 
     def stored(self, u: ndarray, t: float, p: Values) -> float:
         """Energy of the elastic slips, Σ b h of their lengths, in N·mm."""

@@ -463,6 +463,26 @@ def between(motion, steps, conditions=None, pressure=0.01, friction=0.0):
     return LoadStepper(ply, held, steps=steps, warn_only=checks).run()
 
 
+def turns(number):
+    return lambda t: turned(t, 2 * np.pi * number)
+
+
+def edge(motion):
+    """Conditions of an edge that moves by a motion in the plane."""
+
+    def value(axis):
+        def at(X, t):
+            R, c = motion(t)
+            return (R[:2, :2] @ X - X)[axis] + c[axis]
+
+        return at
+
+    return {
+        "x": Condition("left", value(0), direction=(1, 0, 0)),
+        "y": Condition("left", value(1), direction=(0, 1, 0)),
+    }
+
+
 PULLED_BACK = {
     "x": Condition("left", lambda X, t: returned(t)[0] + 0 * X[0], direction=(1, 0, 0)),
     "y": Condition("left", (None, 0.0, None)),
@@ -475,6 +495,8 @@ PULLED_BACK = {
         ((turned,), 1, 16),  # 1 − sin(1)/1
         ((turned,), 2, 4),
         ((turned,), 8, 0),
+        ((turns(8),), 1, 100),
+        ((turns(16),), 1, 100),
         ((returned,), 1, 100),
         ((returned,), 3, 50),
         ((returned,), 2, 0),
@@ -496,6 +518,22 @@ def test_supports_that_turn_back_within_a_step_are_a_warning(steps, resolved):
     assert result.path_resolved == resolved
     warned = any("the motion turns within the step" in x for x in result.warnings)
     assert warned != resolved
+
+
+@pytest.mark.parametrize(
+    ("motion", "missed"), [(turned, 16), (turns(1 / 4), 10), (turns(8), 100)]
+)
+def test_supports_that_turn_within_a_step_are_a_warning(motion, missed):
+    """1 − sin(θ/2)/(θ/2) of the work is missed, all of it after whole turns."""
+    result = between(None, 1, edge(motion))
+    expected = f"step: {missed}% of the work of friction"
+    assert any(expected in x for x in result.warnings)
+
+
+def test_an_edge_that_turns_with_a_tool_does_not_slide():
+    result = between(turned, 1, edge(turned))
+    assert result.path_resolved
+    assert result.states[-1].energy_lost["plate"] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_ply_that_follows_a_tool_slips_in_no_step():
