@@ -9,8 +9,8 @@ its motion in the axes of the tool.  Sliding begins after an elastic slip of the
 is the derivative of b h(|y|), where h(y) = y²/2ε up to ε and y − ε/2 beyond: a convex
 energy.  s is the force at the last state, not above b, and X₀ the place on the tool.
 n and b are updated within an iteration, near the equilibrium; s, X₀ and the work once a
-step.  The work is the slip beyond ε times the mean of the bounds at both ends of the
-step, because the bound changes within it.
+step.  The work is the slip beyond ε, along an arc on the tool, times the mean of the
+bounds at both ends of the step, because the bound changes within it.
 
 Newton's method converges slowly at the kink between sticking and sliding.  The tangent
 therefore contains the force σ that the previous increment predicts, which is linear in
@@ -52,8 +52,9 @@ class Friction:
         Rotation R and translation c of the tool at a load factor.
     positions
         Positions x of the contact points at a displacement in mm.
-    leaves
-        True if the tool may leave points; False if its normal forces are prescribed.
+    constrains
+        True if the tool keeps points off its surface; False if its normal forces are
+        prescribed.
     """
 
     def __init__(
@@ -62,11 +63,11 @@ class Friction:
         slip: float,
         placement: Callable[[float], tuple[ndarray, ndarray]],
         positions: Callable[[ndarray], ndarray],
-        leaves: bool = True,
+        constrains: bool = True,
     ) -> None:
         self._coefficient, self.slip = coefficient, slip
         self._placement, self._positions = placement, positions
-        self._leaves = leaves
+        self._constrains = constrains
 
     def at_rest(self, u: ndarray) -> dict[str, Any]:
         """Values of a ply at rest, which touches nothing."""
@@ -110,27 +111,54 @@ class Friction:
 
     def advanced(self, p: Values, u: ndarray, t: float, force: ndarray) -> Values:
         """Values after a step, at its converged displacement and normal forces."""
-        _, size = self._slipped(u, t, p)
-        slid = np.maximum(size - self.slip, 0.0)
         after = {
             "slips_from": self._local(u, t),
             "shear": self._force(u, t, p),
-            "work": p["work"] + self._mean_bound(p, t, force) @ slid,
+            "work": p["work"] + self._mean_bound(p, u, t, force) @ self._slid(p, u, t),
             "pressed": force,
             "since": np.array(t),
         }
         return Values({**p, **after})
 
-    def _mean_bound(self, p: Values, t: float, force: ndarray) -> ndarray:
+    def _slid(self, p: Values, u: ndarray, t: float) -> ndarray:
+        """Lengths of the slips of a step beyond the elastic slip, shape (n_nodes,).
+
+        A point that touches at both ends slips along an arc on the tool.
+        """
+        _, size = self._slipped(u, t, p)
+        slid = np.maximum(size - self.slip, 0.0)
+        moved = self._local(u, t) - p["slips_from"]
+        along = np.linalg.norm(self._tangential(moved, p), axis=0)
+        longer = self._arcs(moved, p) - along
+        return slid + np.where((slid > 0) & (p["bound"] * p["pressed"] > 0), longer, 0)
+
+    def _arcs(self, chords: ndarray, p: Values) -> ndarray:
+        """Lengths of arcs on the tool with chords, that end along the surface."""
+        along = np.linalg.norm(self._tangential(chords, p), axis=0)
+        if not self._constrains:
+            return along
+        chord = np.linalg.norm(chords, axis=0)
+        half = np.arccos(np.minimum(along / np.maximum(chord, TINY), 1.0))
+        return chord / np.sinc(half / np.pi)
+
+    def _mean_bound(self, p: Values, u: ndarray, t: float, force: ndarray) -> ndarray:
         """Bounds in N averaged over the slip of a step, shape (n_nodes,).
 
-        They change linearly.  A point that the tool leaves is taken to slip without
-        contact, because it moves away in an unknown part of the step.
+        They change linearly.  A point that the tool leaves follows it along the normal
+        while both touch: for the share of the motion of the tool that it moves itself.
         """
+        began, x = float(p["since"]), p["slips_from"]
         # A coefficient may jump at the start of the step.
-        before = self._coefficient(min(float(p["since"]) + SAME, t)) * p["pressed"]
+        before = self._coefficient(min(began + SAME, t)) * p["pressed"]
         mean = 0.5 * (before + p["bound"])
-        return np.where(force > 0, mean, 0.0) if self._leaves else mean
+        if not self._constrains:
+            return mean
+        (first, start), (last, end) = map(self._placement, (began, t))
+        x_0, normal = first @ x + start[:, None], last @ p["normal"]
+        ends = last @ x + end[:, None], self._positions(u)
+        tool, point = (np.maximum(((x_0 - y) * normal).sum(axis=0), 0) for y in ends)
+        share = np.minimum((point + self.slip) / (tool + self.slip), 1.0)
+        return np.where(force > 0, mean, share * mean)
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Σ b (h(|y|) − h(|y|) at the last state), in N·mm."""
@@ -143,8 +171,8 @@ class Friction:
     ) -> float:
         """Work in N·mm that a step misses, because the motion turns within it.
 
-        The bounds over the paths of the points on the tool, less the bounds over their
-        straight connections, along which the step counts slip.
+        The bounds over the paths of the points on the tool, less the bounds over the
+        straight connections or arcs along which the step counts slip.
 
         A free point may follow the tool, or a support, instead of moving straight.  As
         much as it moves in space is not counted, nor is a path shorter than the elastic
@@ -159,11 +187,9 @@ class Friction:
             Motion of the ply within the step.
         """
         x, over, net = self._velocities(course)
-        n = p["normal"]
-        normal = self._placement(t)[0] @ n
+        normal = self._placement(t)[0] @ p["normal"]
         path = course.length(over - normal * (over * normal).sum(axis=1)[:, None])
-        counted = np.linalg.norm(net - n * (n * net).sum(axis=0), axis=0)
-        counted = np.maximum(counted, self.slip)
+        counted = np.maximum(self._arcs(net, p), self.slip)
         ends = [self._positions(course.u + du) for du in (0.0, course.free, course.du)]
         followed = np.linalg.norm(ends[1] - ends[0], axis=0)
         # Without the mean motion of the tool, supports turn in space.
@@ -174,7 +200,7 @@ class Friction:
         chord = max(float(np.linalg.norm(ends[2] - ends[0], axis=0)[most]), self.slip)
         of_support = max(float(back[most]), 0.0) * np.minimum(counted / chord, 1.0)
         missed = np.maximum(path - counted - followed, of_support)
-        return float(self._mean_bound(p, t, force) @ missed)
+        return float(self._mean_bound(p, u, t, force) @ missed)
 
     def _velocities(self, course: Course) -> tuple[ndarray, ndarray, ndarray]:
         """Velocities of the points in a step, and over the tool; and the slip.

@@ -126,7 +126,7 @@ class HolderPressure(ToolTerm):
         The latter, or None.
     """
 
-    leaves = False
+    constrains = False
 
     def __init__(
         self,

@@ -378,13 +378,13 @@ class ToolTerm(ElementTerm):
         Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
     amounts
         Motion, friction, and gap, pressure or force of the tool, as stated.
-    leaves
+    constrains
         See `Friction`.
     """
 
     role = "load"
     friction: Any = None
-    leaves = True
+    constrains = True
     amounts: tuple[Any, ...] = ()
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
@@ -398,7 +398,7 @@ class ToolTerm(ElementTerm):
         from .friction import Friction
 
         place, at = self._obstacle.placement, self._points.in_planes
-        self.friction = Friction(coefficient, slip, place, at, self.leaves)
+        self.friction = Friction(coefficient, slip, place, at, self.constrains)
 
     def amounts_at(self, t: float) -> dict[str, ndarray]:
         """Placement, gap, friction and slip at a load factor, for checkpoints."""

@@ -117,8 +117,8 @@ class Contact:
         R, c = self.motion(t)
         at, n = R.T @ (x - c[:, None]), R.T @ n
         bound = self.mu(t) * normal_force
-        moved = at - self.x
-        moved = moved - n * (n * moved).sum(axis=0)
+        chord = at - self.x
+        moved = chord - n * (n * chord).sum(axis=0)
         before = self.s - n * (n * self.s).sum(axis=0)
         before = _shortened(before, bound)
         trial = before + bound / self.slip * moved
@@ -128,20 +128,42 @@ class Contact:
         slid = np.maximum(excess, 0.0) / stiffness
         far = np.linalg.norm(moved, axis=0) - self.slip
         slid = np.where(bound > 0, slid, np.maximum(far, 0.0))
-        lost = self.mean_bound(t, normal_force) * slid
+        rounds = (slid > 0) & (bound > 0) & (self.N > 0)
+        slid += np.where(rounds, self._longer(chord, moved), 0.0)
+        lost = self.mean_bound(x, t, R @ n, normal_force) * slid
         self.work += float(lost.sum())
         self.x, self.s, self.t, self.N = at, force, t, normal_force
         return R @ force, R @ moved, slid, lost
 
-    def mean_bound(self, t: float, N: ndarray) -> ndarray:
+    def _longer(self, chord: ndarray, moved: ndarray) -> ndarray:
+        """Length of arcs with chords, less their projections on the tangent planes.
+
+        The angle between a chord and the tangent is half the angle of its arc.
+        """
+        if isinstance(self.term, HolderPressure):
+            return np.zeros(chord.shape[1])
+        length, along = (np.linalg.norm(x, axis=0) for x in (chord, moved))
+        angle = 2 * np.arccos(np.clip(along / np.maximum(length, 1e-300), 0.0, 1.0))
+        bent = angle > 0
+        radius = length / np.where(bent, 2 * np.sin(angle / 2), 1.0)
+        return np.where(bent, radius * angle, length) - along
+
+    def mean_bound(self, x: ndarray, t: float, n: ndarray, N: ndarray) -> ndarray:
         """Bounds averaged over the slip of a step, within which they are linear.
 
-        Without contact at the end, a point counts as one that slips without.
+        A tool that leaves a point is followed by it along the normal n, at first.
         """
         # Coefficients of phases jump at their ends.
         mean = 0.5 * (self.mu(min(self.t + 1e-9, t)) * self.N + self.mu(t) * N)
-        prescribed = isinstance(self.term, HolderPressure)
-        return mean if prescribed else np.where(N > 0, mean, 0.0)
+        if isinstance(self.term, HolderPressure):
+            return mean
+        (R_0, c_0), (R, c) = self.motion(self.t), self.motion(t)
+        x_0 = R_0 @ self.x + c_0[:, None]
+        tool = -(n * (R @ self.x + c[:, None] - x_0)).sum(axis=0)
+        point = -(n * (x - x_0)).sum(axis=0)
+        tool, point = np.maximum(tool, 0.0), np.maximum(point, 0.0)
+        share = np.clip((point + self.slip) / (tool + self.slip), 0.0, 1.0)
+        return np.where(N > 0, mean, share * mean)
 
     def works(
         self,
