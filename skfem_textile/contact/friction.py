@@ -190,17 +190,26 @@ class Friction:
         normal = self._placement(t)[0] @ p["normal"]
         path = course.length(over - normal * (over * normal).sum(axis=1)[:, None])
         counted = np.maximum(self._arcs(net, p), self.slip)
-        ends = [self._positions(course.u + du) for du in (0.0, course.free, course.du)]
-        followed = np.linalg.norm(ends[1] - ends[0], axis=0)
-        # Without the mean motion of the tool, supports turn in space.
-        over = over + course.sum(x - over) / course.weights.sum()
-        straight = (ends[2] - ends[0]) / course.weights.sum()
-        back = course.length(over) - course.length(over - x + straight) - self.slip
-        most = int(back.argmax())
-        chord = max(float(np.linalg.norm(ends[2] - ends[0], axis=0)[most]), self.slip)
-        of_support = max(float(back[most]), 0.0) * np.minimum(counted / chord, 1.0)
-        missed = np.maximum(path - counted - followed, of_support)
+        start = self._positions(course.u)
+        followed, moved = (
+            np.linalg.norm(self._positions(course.u + du) - start, axis=0)
+            for du in (course.free, course.du)
+        )
+        detour = self._detours(course, x, over)
+        most = int(detour.argmax())
+        share = np.minimum(counted / max(float(moved[most]), self.slip), 1.0)
+        missed = np.maximum(path - counted - followed, share * detour[most])
         return float(self._mean_bound(p, u, t, force) @ missed)
+
+    def _detours(self, course: Course, x: ndarray, over: ndarray) -> ndarray:
+        """Paths of points beyond straight ones and the elastic slip, (n_nodes,).
+
+        They are relative to the tool without its mean motion.
+        """
+        over = over + course.mean(x - over)
+        straight = over - x + course.mean(x)
+        longer = course.length(over) - course.length(straight)
+        return np.maximum(longer - self.slip, 0.0)
 
     def _velocities(self, course: Course) -> tuple[ndarray, ndarray, ndarray]:
         """Velocities of the points in a step, and over the tool; and the slip.

@@ -106,6 +106,10 @@ class Course:
         """Integral of velocities, shape (n, ...)."""
         return np.tensordot(self.weights, velocities, 1)
 
+    def mean(self, velocities: ndarray) -> ndarray:
+        """Mean of velocities, shape (n, ...)."""
+        return self.sum(velocities) / self.weights.sum()
+
     def length(self, velocities: ndarray) -> ndarray:
         """Lengths of paths with velocities, shape (n, d, n_points)."""
         return self.sum(np.linalg.norm(velocities, axis=1))

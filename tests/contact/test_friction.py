@@ -564,6 +564,14 @@ def test_supports_that_turn_within_a_step_are_a_warning(motion, missed):
     assert any(expected in x for x in result.warnings)
 
 
+def test_supports_that_move_straight_and_faster_are_no_warning():
+    def faster(t):
+        return np.eye(3), np.array([np.interp(t, [0, 0.75, 1], [0, 0.1, 2]), 0, 0])
+
+    assert between(None, 1, edge(faster)).path_resolved
+    assert between(faster, 1).path_resolved
+
+
 def test_an_edge_that_turns_with_a_tool_does_not_slide():
     result = between(turned, 1, edge(turned))
     assert result.path_resolved
