@@ -438,10 +438,13 @@ class ToolTerm(ElementTerm):
         Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
     amounts
         Motion, friction, and gap, pressure or force of the tool, as stated.
+    constrains
+        See `Friction`.
     """
 
     role = "load"
     friction: Any = None
+    constrains = True
     amounts: tuple[Any, ...] = ()
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
@@ -455,7 +458,7 @@ class ToolTerm(ElementTerm):
         from .friction import Friction
 
         place, at = self._obstacle.placement, self._points.in_planes
-        self.friction = Friction(coefficient, slip, place, at)
+        self.friction = Friction(coefficient, slip, place, at, self.constrains)
 
     def amounts_at(self, t: float) -> dict[str, ndarray]:
         """Placement, gap, friction and slip at a load factor, for checkpoints."""
@@ -579,8 +582,11 @@ class ToolParameters(TermParameters):
 
     def advanced(self, values: Values, u: ndarray, t: float) -> Values:
         """See `Friction.advanced`."""
-        friction = self._term.friction
-        return friction.advanced(values, u, t) if friction else values
+        friction, force = self._term.friction, self._term.forces
+        if not friction:
+            return values
+        after: Values = friction.advanced(values, u, t, force(u, t, values))
+        return after
 
     def _without_friction(self, values: Values, u: ndarray, t: float) -> Values:
         raise NotImplementedError
