@@ -129,8 +129,8 @@ class Friction:
         slid = np.maximum(size - self.slip, 0.0)
         moved = self._local(u, t) - p["slips_from"]
         along = np.linalg.norm(self._tangential(moved, p), axis=0)
-        longer = self._arcs(moved, p) / np.maximum(along, TINY)
-        return slid * np.where((along > 0) & (p["bound"] * p["pressed"] > 0), longer, 1)
+        longer = self._arcs(moved, p) - along
+        return slid + np.where((slid > 0) & (p["bound"] * p["pressed"] > 0), longer, 0)
 
     def _arcs(self, chords: ndarray, p: Values) -> ndarray:
         """Lengths of arcs on the tool with chords, that end along the surface."""

@@ -128,26 +128,25 @@ class Contact:
         slid = np.maximum(excess, 0.0) / stiffness
         far = np.linalg.norm(moved, axis=0) - self.slip
         slid = np.where(bound > 0, slid, np.maximum(far, 0.0))
-        rounds = (bound > 0) & (self.N > 0)
-        slid *= np.where(rounds, self._longer(chord, moved), 1.0)
+        rounds = (slid > 0) & (bound > 0) & (self.N > 0)
+        slid += np.where(rounds, self._longer(chord, moved), 0.0)
         lost = self.mean_bound(x, t, R @ n, normal_force) * slid
         self.work += float(lost.sum())
         self.x, self.s, self.t, self.N = at, force, t, normal_force
         return R @ force, R @ moved, slid, lost
 
     def _longer(self, chord: ndarray, moved: ndarray) -> ndarray:
-        """Length of arcs with chords, over their projections on the tangent planes.
+        """Length of arcs with chords, less their projections on the tangent planes.
 
         The angle between a chord and the tangent is half the angle of its arc.
         """
         if isinstance(self.term, HolderPressure):
-            return np.ones(chord.shape[1])
+            return np.zeros(chord.shape[1])
         length, along = (np.linalg.norm(x, axis=0) for x in (chord, moved))
         angle = 2 * np.arccos(np.clip(along / np.maximum(length, 1e-300), 0.0, 1.0))
         bent = angle > 0
         radius = length / np.where(bent, 2 * np.sin(angle / 2), 1.0)
-        arc = np.where(bent, radius * angle, length)
-        return np.where(along > 0, arc / np.maximum(along, 1e-300), 1.0)
+        return np.where(bent, radius * angle, length) - along
 
     def mean_bound(self, x: ndarray, t: float, n: ndarray, N: ndarray) -> ndarray:
         """Bounds averaged over the slip of a step, within which they are linear.
