@@ -111,16 +111,17 @@ class Friction:
 
     def advanced(self, p: Values, u: ndarray, t: float, force: ndarray) -> Values:
         """Values after a step, at its converged displacement and normal forces."""
+        lost = self._mean_bound(p, u, t, force) @ self._slid(p, u, t, force)
         after = {
             "slips_from": self._local(u, t),
             "shear": self._force(u, t, p),
-            "work": p["work"] + self._mean_bound(p, u, t, force) @ self._slid(p, u, t),
+            "work": p["work"] + lost,
             "pressed": force,
             "since": np.array(t),
         }
         return Values({**p, **after})
 
-    def _slid(self, p: Values, u: ndarray, t: float) -> ndarray:
+    def _slid(self, p: Values, u: ndarray, t: float, force: ndarray) -> ndarray:
         """Lengths of the slips of a step beyond the elastic slip, shape (n_nodes,).
 
         A point that touches at both ends slips along an arc on the tool.
@@ -130,7 +131,8 @@ class Friction:
         moved = self._local(u, t) - p["slips_from"]
         along = np.linalg.norm(self._tangential(moved, p), axis=0)
         longer = self._arcs(moved, p) - along
-        return slid + np.where((slid > 0) & (p["bound"] * p["pressed"] > 0), longer, 0)
+        touches = (p["pressed"] > 0) & (force > 0)
+        return slid + np.where((slid > 0) & touches, longer, 0.0)
 
     def _arcs(self, chords: ndarray, p: Values) -> ndarray:
         """Lengths of arcs on the tool with chords, that end along the surface."""
