@@ -227,6 +227,7 @@ class SumOfTerms(FabricOnBasis):
         u: ndarray,
         parameters: PlyParameters,
         tension: ndarray | None = None,
+        stretched: bool = False,
     ) -> Iterator[dict[FormTerm, KernelState]]:
         """Kernel states of the given terms, for each group of elements.
 
@@ -252,7 +253,7 @@ class SumOfTerms(FabricOnBasis):
                     x = KernelState(term.kernel, group, points, fibres, w)
                     known[term, group] = x
                 if tension is not None and term is self._tension:
-                    x = x.with_tension(tension)
+                    x = x.for_stiffness(tension, stretched)
                 states[term] = x
             if states:
                 yield states
@@ -386,6 +387,7 @@ class SumOfTerms(FabricOnBasis):
         parameters: PlyParameters | None = None,
         tension: ndarray | None = None,
         positive: bool = False,
+        stretched: bool = False,
     ) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``, shape (n_blocks, d, d).
 
@@ -398,13 +400,16 @@ class SumOfTerms(FabricOnBasis):
         positive
             True if element matrices are replaced by the nearest positive semi-definite
             ones.
+        stretched
+            True if fibres shorter than at rest have the slope of their law at rest;
+            requires ``tension``.
         """
         self.refuse_other(u)
         p = self.parameters_at_rest if parameters is None else parameters
         matrices: Iterable[ndarray | None] = chain(
             (
                 element_matrices(states.values())
-                for states in self._states(self._terms, u, p, tension)
+                for states in self._states(self._terms, u, p, tension, stretched)
             ),
             (
                 x.matrices(u, t, p.get(x.name, NO_VALUES))
@@ -515,6 +520,13 @@ class SumOfTerms(FabricOnBasis):
         n = self.corners.normals(u)
         sharp = ~((n[:, one] * n[:, other]).sum(axis=0) > 0)
         return np.unique([one[sharp], other[sharp]])
+
+    def is_slack(self, u: ndarray) -> bool:
+        """True if a fibre is shorter than at rest, and less stiff."""
+        law, strain = self._at_elements.tensions, self.law_strain(u)
+        both = (law.slopes(x).own for x in (strain, np.maximum(strain, 0.0)))
+        pairs = zip(*both, strict=True)
+        return any(bool(np.any(slope < at_rest)) for slope, at_rest in pairs)
 
     def beyond_peak(self, strains: ndarray) -> ndarray:
         """Elements where T/λ decreases with λ (∂T/∂ε is below T) or ε is not finite.

@@ -143,6 +143,23 @@ class Definite(Direction):
         f = problem.residual(u, p) if changed else start.f
         return Iterate(u, f, p, tangent=tangent)
 
+    def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
+        """Solve the linearised problem.
+
+        Slack fibres have no stiffness, and hardly limit the increment that moves the
+        supports of a ply in its plane, although it stretches them.  It is therefore
+        also computed with their stiffness at rest; the one with less energy is used.
+        """
+        increment, problem, u = super().increment(at, fixed_values), self.problem, at.u
+        moves = at.tension is None and not problem.is_fixed(u, fixed_values)
+        if not moves or problem.in_space or not problem.ply.is_slack(u):
+            return increment
+        p, still = at.parameters, np.zeros_like(u)
+        tension = problem.ply.geometric_tension(u, still, p)
+        tangent = Tangent.at(problem, u, p, tension, stretched=True)
+        other = super().increment(at._replace(tangent=tangent), fixed_values)
+        return min(increment, other, key=lambda x: problem.energy(u + x.du, p))
+
     def beside(self, at: Iterate, u: ndarray) -> Iterate:
         """An iterate at another displacement, with the tensions there."""
         du = np.zeros_like(u)

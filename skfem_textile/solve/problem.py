@@ -480,6 +480,7 @@ class Tangent:
         tension: ndarray | None = None,
         positive: bool = False,
         contact_forces: ndarray | float | None = None,
+        stretched: bool = False,
     ) -> "Tangent":
         """The tangent at a displacement.
 
@@ -495,9 +496,11 @@ class Tangent:
         contact_forces
             Contact forces of nodes on surfaces, shape (n_nodes,), instead of those at
             ``u``; 0 for a tangent without contact forces.
+        stretched
+            See `Ply.stiffness`.
         """
         t, surfaces = problem.load_factor, problem.surfaces
-        arguments = u, t, parameters, tension, positive
+        arguments = u, t, parameters, tension, positive, stretched
         blocks = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
         if contact_forces is None and surfaces:
             f = problem.nodal(problem.residual(u, parameters))

@@ -112,7 +112,8 @@ class KernelState:
     ``fibres`` are the deformations at the points of the group, ``places`` the same
     points, or points of another term with equal fibre deformations, and ``w`` the
     parameters of the form.  ``tension`` are fibre tensions for the stiffness; by
-    default they follow from the law.  ``values`` are shared values of the kernel.
+    default they follow from the law.  With ``stretched``, the stiffness of shortened
+    fibres is the one at rest.  ``values`` are shared values of the kernel.
     """
 
     kernel: Kernel
@@ -121,14 +122,15 @@ class KernelState:
     fibres: list[FibreDeformation]
     w: Parameters
     tension: ndarray | None = None
+    stretched: bool = False
 
     def __post_init__(self) -> None:
         self.values = self.kernel.values(self)
 
-    def with_tension(self, tension: ndarray) -> "KernelState":
-        """The state with other tensions, and the same values."""
+    def for_stiffness(self, tension: ndarray, stretched: bool) -> "KernelState":
+        """The state with other tensions and slopes, and the same values."""
         other = copy(self)
-        other.tension = tension
+        other.tension, other.stretched = tension, stretched
         return other
 
 
@@ -155,7 +157,14 @@ class Tensions:
     @cached_property
     def slopes(self) -> Slopes:
         """Slopes of the tensions, arrays of shape (2, P, n) and (P, n)."""
-        direct, cross = self.law.slopes(self.strain.swapaxes(1, 2))
+        return self._slopes(self.strain)
+
+    def slopes_in(self, x: KernelState) -> Slopes:
+        """Slopes for the stiffness in a state."""
+        return self._slopes(np.maximum(self.strain, 0)) if x.stretched else self.slopes
+
+    def _slopes(self, strain: ndarray) -> Slopes:
+        direct, cross = self.law.slopes(strain.swapaxes(1, 2))
         return Slopes(self._of_both(direct), None if cross is None else cross.T)
 
     @staticmethod
@@ -179,7 +188,7 @@ class TensionKernel(Kernel):
         """Tension and its slope; `stiffnesses` has the slope for ε₁ + ε₂."""
         tensions, stresses = _tension_values(x), []
         for i, (p, _, law) in enumerate(x.values):
-            direct, cross = law.slopes
+            direct, cross = law.slopes_in(x)
             slope = direct if cross is None else direct - cross
             T = tensions[i] if tensions else law.value
             stresses.append(Stress(tension=p.dx * T, slope=p.dx * slope))
@@ -190,7 +199,9 @@ class TensionKernel(Kernel):
         if isinstance(self.fabric.tensions, TwoLaws):
             return []
         return [
-            RankOneStiffness(p.dx * law.slopes.cross, partial(_sum_gradients, p, f))
+            RankOneStiffness(
+                p.dx * law.slopes_in(x).cross, partial(_sum_gradients, p, f)
+            )
             for p, f, law in x.values
         ]
 
@@ -317,7 +328,7 @@ class MeanTensionKernel(Kernel):
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """Remaining slope of the laws, along the gradient of the mean stretch."""
         group, (stretches, means, E_d, law) = x.group, x.values
-        direct, cross = law.slopes
+        direct, cross = law.slopes_in(x)
         slope = (direct - law.value) / means**2 - E_d
         if cross is not None:
             cross = cross / (means[0] * means[1])
