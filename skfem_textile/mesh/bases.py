@@ -277,7 +277,7 @@ class HourglassBasis(DisplacementBasis):
 
         Shape (4, 2, n_elements, 4).
         """
-        centre, at_points = (_gradients(self, X) for X in (CENTRE[0], self.X))
+        centre, at_points = (gradients_at(self, X) for X in (CENTRE[0], self.X))
         # With the rounding of the fields of the element.
         return centre + (at_points - centre), np.broadcast_to(centre, at_points.shape)
 
@@ -299,11 +299,14 @@ def function_gradients(basis: Any) -> ndarray:
     if type(basis) not in (DisplacementBasis, MeanBasis):
         functions = basis.basis[:: components(basis)]
         return np.array([np.asarray(field.grad)[0] for (field, *_) in functions])
-    return _gradients(basis, basis.X)
+    return gradients_at(basis, basis.X)
 
 
-def _gradients(basis: Any, X: ndarray) -> ndarray:
-    """Gradients of the functions of one component at other points."""
+def gradients_at(basis: Any, X: ndarray) -> ndarray:
+    """Gradients of the functions of one component at points of the reference element.
+
+    Shape (n_nodes, 2, n_elements, n_points).
+    """
     nodes, inverse = basis.elem.elem, basis.mapping.invDF(X, basis.tind)
     local = (nodes.lbasis(X, i)[1] for i in range(len(nodes.doflocs)))
     return np.array([np.einsum("ijkl,il->jkl", inverse, x) for x in local])

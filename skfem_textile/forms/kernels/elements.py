@@ -44,6 +44,7 @@ from ...mesh.bases import (
     components,
     element_numbers,
     function_gradients,
+    gradients_at,
 )
 from ...mesh.pattern import Sums
 
@@ -576,9 +577,7 @@ def hourglass_mode(basis: Any, dN: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     shape (4, 2, n, P), these are ∇N_a(0), shape (4, 2, n, 1), γ, shape (4, n), and ∇h,
     shape (2, n, P).
     """
-    scalar, mapping, tind = ElementQuad1(), basis.mapping, basis.tind
-    fields = (scalar.gbasis(mapping, CENTRE[0], a, tind)[0] for a in range(4))
-    at_centre = np.array([field.grad for field in fields])
+    at_centre, tind = gradients_at(basis, CENTRE[0]), basis.tind
     h = np.array([1.0, -1.0, 1.0, -1.0])
     corners = basis.mesh.p[:, basis.mesh.t[:, _ALL if tind is None else tind]]
     gamma = h[:, None] - np.einsum("b,jbn,ajn->an", h, corners, at_centre[..., 0])
