@@ -122,7 +122,7 @@ def scaling_table(results: Row) -> str:
 
 
 def choice_table(results: Row) -> str:
-    """Time and memory of a load step by size, and ten times beyond the largest one.
+    """Time and memory of an iteration by size, and ten times beyond the largest one.
 
     Times grow by their exponent between the two largest sizes, memory by n log n.
     """
@@ -130,27 +130,26 @@ def choice_table(results: Row) -> str:
     first = next(iter(solvers.values()))
     sizes = [row["elements"] for row in first]
     lines = [
-        [thousands(n), *(_of_step(rows[i]) for rows in solvers.values())]
+        [thousands(n), *(_of_iteration(rows[i]) for rows in solvers.values())]
         for i, n in enumerate(sizes)
     ]
     if len(sizes) > 1:
-        beyond = [_of_step(_beyond(*rows[-2:])) for rows in solvers.values()]
+        beyond = [_of_iteration(_beyond(*rows[-2:])) for rows in solvers.values()]
         lines.append([f"{thousands(10 * sizes[-1])}, extrapolated", *beyond])
     return markdown_table(["quadrilaterals", *(f"{x}: s, GiB" for x in solvers)], lines)
 
 
-def _of_step(row: Row) -> str:
-    seconds, peak = (float(f"{row[x]:.2g}") for x in ("step", "step_peak_GiB"))
-    return f"{seconds if seconds < 1 else thousands(round(seconds))}, {peak:g}"
+def _of_iteration(row: Row) -> str:
+    return f"{row['iteration']:.2g}, {row['peak_GiB']:.2g}"
 
 
 def _beyond(small: Row, large: Row) -> Row:
-    """A load step with ten times the elements of the larger of two sizes."""
+    """An iteration with ten times the elements of the larger of two sizes."""
     n = small["elements"], large["elements"]
-    exponent = np.log(large["step"] / small["step"]) / np.log(n[1] / n[0])
+    exponent = np.log(large["iteration"] / small["iteration"]) / np.log(n[1] / n[0])
     growth = 10 * np.log(10 * n[1]) / np.log(n[1])
-    step, peak = large["step"] * 10**exponent, large["step_peak_GiB"] * growth
-    return {"step": step, "step_peak_GiB": peak}
+    time, peak = large["iteration"] * 10**exponent, large["peak_GiB"] * growth
+    return {"iteration": time, "peak_GiB": peak}
 
 
 def factorisation_table(results: Row) -> str:
