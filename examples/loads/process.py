@@ -87,7 +87,7 @@ def show(rows):
             f"{row['phase']:6} {row['punch_travel_mm']:5.1f} mm, "
             f"punch {row['punch_force_N']:5.2f} N, "
             f"holder {row['holder_force_N']:5.2f} N, "
-            f"shear {row['max_shear_angle_deg']:5.2f}°, "
+            f"shear {row['recovered_max_shear_angle_deg']:5.2f}°, "
             f"draw-in {row['max_draw_in_mm']:5.2f} mm, "
             f"lost {row['energy_lost']:5.1f} N·mm"
         )

@@ -207,7 +207,10 @@ def _from_start(friction: InPhase | None) -> bool:
 
 
 def furthest(phases: Sequence[PhaseTable], tool: str) -> float | None:
-    """The largest motion of a tool along z in mm, with its sign; None if not moved."""
+    """The largest motion of a tool along z in mm, with its sign; None if not moved.
+
+    In the direction of the first one: a punch may open further than its stroke.
+    """
     changes = (phase.of_each([tool]).tools.get(tool) for phase in phases)
     moved = (change.motion_mm for change in changes if change)
     heights = [
@@ -216,4 +219,7 @@ def furthest(phases: Sequence[PhaseTable], tool: str) -> float | None:
         if rows
         for row in (rows if isinstance(rows[0], tuple) else rows[-1:])
     ]
-    return max(heights, key=abs) if heights else None
+    if not heights:
+        return None
+    first = next((height for height in heights if height), 0.0)
+    return max(heights, key=lambda height: height * first)

@@ -16,6 +16,7 @@ import msgspec
 from msgspec import Struct
 
 from ..declarations.scenes import GRADED, AnyScene, WithTools
+from ..declarations.words import unquoted
 from ..mesh.user_input import errors_in, excerpt, printable
 from .phases import PhaseTable, ToolInPhase, furthest
 from .scenes import SCENES
@@ -256,7 +257,7 @@ def varied(table: Any, where: str = "vary") -> dict[str, tuple[Any, ...]]:
                 raise ValueError(
                     f"{path} must be an array of at least two different values"
                 )
-            values[path.removeprefix("vary.")] = tuple(of_key)
+            values[unquoted(path.removeprefix("vary."))] = tuple(of_key)
         else:
             values |= varied(of_key, path)
     return values

@@ -1,7 +1,16 @@
 """Tables of the scenes: keys of ``[scene]``."""
 
 from math import radians
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, Union
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    TypeAlias,
+    Union,
+    get_type_hints,
+)
 
 from msgspec import field
 
@@ -15,6 +24,7 @@ from .tables import (
     snake_case,
     table_of,
 )
+from .tools import ToolTable
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -38,6 +48,15 @@ class Scene(DeclaredTable, tag_field="name"):
             ``size``, ``jitter`` and ``seed`` of a generated mesh.
         """
         return self.construct(mesh=mesh, **generated)
+
+    def values(self) -> dict[str, Any]:
+        """See `DeclaredTable.values`; also a law of compaction."""
+        law = getattr(self, _COMPACTION, None)
+        return super().values() | ({"compaction": law.construct()} if law else {})
+
+
+# Key of the law of compaction under the holder of a scene.
+_COMPACTION = "holder_compaction"
 
 
 class _Plane(Scene):
@@ -121,7 +140,9 @@ class _OfFiles(Scene):
     def refuse_keys_of_tools(self: Any, travel: float | None) -> None:
         """Refuse keys of tools of the scene, which has none, but a given travel."""
         plain = type(self)()
-        own = {key: name for key, (name, _) in self.keys.items()} | {"unit": "unit"}
+        own = {key: name for key, (name, _) in self.keys.items()} | {
+            key: key for key in ("unit", _COMPACTION)
+        }
         for key in (key for key, name in own.items() if name not in _OF_PLY):
             allowed = getattr(plain, key), travel if key == "travel_mm" else None
             if getattr(self, key) not in allowed:
@@ -141,6 +162,9 @@ def _unit(of: str) -> dict[str, Any]:
     return {"unit": Annotated[LengthUnit | None, about(text)]}
 
 
+# Keys of the holder of a scene.
+_OF_HOLDER = "gap", "pressure", "force", _COMPACTION
+
 _SETTINGS: dict[type[declared.Scene], dict[str, Any]] = {
     declared.BiasExtension: {"base": _Mirrored},
     declared.Specimen: {"base": _Mirrored},
@@ -152,14 +176,15 @@ _SETTINGS: dict[type[declared.Scene], dict[str, Any]] = {
     declared.Forming: {
         "base": _OfFiles,
         "also": _unit("files"),
-        "last": [
-            *("punch", "die", "unit", "travel", "gap", "pressure", "centre", "part")
-        ],
+        "last": [*("punch", "die", "unit", "travel", *_OF_HOLDER, "centre", "part")],
     },
 }
 
 #: Order of the keys of forming by tools with two planes of symmetry.
-_OF_SYMMETRIC = [*("gap", "part", "centre", "clearance"), "radius", "fillet", "travel"]
+_OF_SYMMETRIC = [
+    *(*_OF_HOLDER, "part", "centre", "clearance"),
+    *("radius", "fillet", "travel"),
+]
 
 
 def _table_of(scene: type[declared.Scene]) -> type[Scene]:
@@ -168,11 +193,14 @@ def _table_of(scene: type[declared.Scene]) -> type[Scene]:
         return _TrellisByAngles
     plane = issubclass(scene, declared.PlaneScene)
     symmetric = issubclass(scene, declared.FormedBySymmetricTools)
-    settings = {
+    settings: dict[str, Any] = {
         "base": _Plane if plane else Scene,
         "last": _OF_SYMMETRIC if symmetric else (),
         **_SETTINGS.get(scene, {}),
     }
+    if issubclass(scene, declared.Formed):
+        law = get_type_hints(ToolTable, include_extras=True)["compaction"]
+        settings["also"] = {**settings.get("also", {}), _COMPACTION: law}
     return table_of(scene, tag=snake_case(scene), **settings)
 
 

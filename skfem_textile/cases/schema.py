@@ -572,8 +572,7 @@ class Output(Table):
         str | None,
         about(
             "name of the phase at whose end summary, pictures and exported part "
-            "describe the ply (default: where the tool that travels farthest is "
-            "furthest)"
+            "describe the ply (default: the last state before the tools open)"
         ),
     ] = None
     test_curve: Annotated[

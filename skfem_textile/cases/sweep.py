@@ -123,7 +123,7 @@ class CaseSweep:
         """A line for each run that did not apply the whole load."""
         return [
             f"{_label({key: row[key] for key in self.vary})}: {row[REASON]}"
-            for row in self.rows
+            for row in self.in_words
             if row[REASON]
         ]
 
@@ -146,6 +146,14 @@ class CaseSweep:
             for one, other in pairs
         )
 
+    @property
+    def in_words(self) -> list[dict[str, Any]]:
+        """The rows with a few words for each value that is a table or rows."""
+        return [
+            {**row, **{key: _word(row[key], of) for key, of in self.vary.items()}}
+            for row in self.rows
+        ]
+
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write all rows as CSV.
 
@@ -161,8 +169,7 @@ class CaseSweep:
     def drawn(self) -> tuple[dict[str, list[Any]], dict[str, ndarray], ndarray]:
         """Arguments of `plot.compared_runs`: values, `compared` figures, complete."""
         values = {
-            axis_of(key): [_word(row[key], of_key) for row in self.rows]
-            for key, of_key in self.vary.items()
+            axis_of(key): [row[key] for row in self.in_words] for key in self.vary
         }
         figures = {
             name: np.array(
@@ -177,15 +184,31 @@ class CaseSweep:
         return values, figures, complete
 
 
-# Most characters of a table, or rows, in a picture.
+# Most characters of a table, or rows, that are shown as they are.
 _LONGEST = 16
 
 
 def _word(value: Any, values: Sequence[Any]) -> Any:
-    """Number or word for a value in a picture: its number if it is a table or rows."""
+    """Number or word for a value, of tables and rows with its number if it is equal."""
     if isinstance(value, str) or len(str(value)) <= _LONGEST:
         return value
-    return f"value {[*map(repr, values)].index(repr(value)) + 1}"
+    word = _summarised(value)
+    equal = [repr(x) for x in values if _summarised(x) == word]
+    return word if len(equal) == 1 else f"{word} ({equal.index(repr(value)) + 1})"
+
+
+def _summarised(value: Any) -> str:
+    """Last value of rows, and the tool whose travel they follow; first of a table."""
+    over, rows = "", value
+    if isinstance(value, Mapping):
+        rows = value.get("rows", ())
+        over = f" over {value['travel_of']}" if "travel_of" in value else ""
+        if not rows:
+            return str(next(iter(value.values()), value))
+    if isinstance(rows, list | tuple) and isinstance(rows[-1], list | tuple):
+        last = rows[-1][1:]
+        return f"to {', '.join(map(str, last))}{over}"
+    return str(value)
 
 
 def half_width_of(column: str) -> str:

@@ -16,7 +16,7 @@ from ..cases.write import CASE
 from ..mesh.progress import unlogged
 from ..mesh.user_input import printable
 from ..solve.quantities import (
-    IN_PLANE,
+    IN_SPACE,
     LOST,
     OF_PLY,
     Quantity,
@@ -111,7 +111,7 @@ def _first(folder: Path, summary: Mapping[str, Any]) -> Sequence[Row]:
 
 
 # Figures at the ends of phases by key, with names as in the results.
-_NAMES = {one.key: one for one in (IN_PLANE, LOST, *OF_PLY)} | {
+_NAMES = {one.key: one for one in (IN_SPACE, LOST, *OF_PLY)} | {
     "max_draw_in_mm": Quantity("Largest draw-in", "", "mm"),
     "share": Quantity("Share of the phase", "", "%"),
 }

@@ -10,6 +10,8 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
+from msgspec import Struct
+
 from ..cases.read import (
     CaseFile,
     CaseFileError,
@@ -324,7 +326,7 @@ def _keywords(flag: str, path: str, hint: Any) -> dict[str, Any]:
         if get_args(first):
             return {**number, "choices": get_args(first)}
         return {**number, "type": first, "metavar": "FILE" if is_file else flag.upper()}
-    if get_origin(kind) is dict:
+    if get_origin(kind) is dict or issubclass(kind, Struct):
         return {"type": words.pair, "metavar": "NAME=VALUE", "action": "append"}
     metavar = {float: "X", int: "N", str: "NAME"}[kind]
     if path.endswith("_deg"):

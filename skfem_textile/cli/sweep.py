@@ -106,7 +106,7 @@ def _columns(swept: CaseSweep) -> dict[str, str]:
 def _say(swept: CaseSweep) -> None:
     """Print the values and the compared figures."""
     columns = _columns(swept)
-    cells = [[*columns.values()], *legible(swept.rows, [*columns])]
+    cells = [[*columns.values()], *legible(swept.in_words, [*columns])]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     for row in cells:
         say("  ".join(x.ljust(n) for x, n in zip(row, widths, strict=True)).rstrip())
@@ -123,9 +123,9 @@ def _write_page(swept: CaseSweep, folder: Path, no_picture: str) -> None:
         "pictures": sources(folder, {PICTURE: "Figures of the runs over the values"}),
         "no_picture": no_picture,
         "head": [*columns.values()],
-        "rows": legible(swept.rows, [*columns]),
+        "rows": legible(swept.in_words, [*columns]),
         "columns": every,
-        "every": legible(swept.rows, every),
+        "every": legible(swept.in_words, every),
         "file": sources(folder, {TABLE: TABLE}),
         "case": (folder / CASE).read_text(encoding="utf-8"),
         "versions": rows(versions()),

@@ -1,7 +1,7 @@
 """Checks of tools before a run: room for the ply between them, and contact with it."""
 
 import logging
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import permutations
@@ -90,29 +90,25 @@ def check_tools(ply: Ply, moved: float = 0.0) -> None:
         if tool._obstacle.reach is None:  # holders may close from far away
             _refuse_behind(ply, tool)
     _refuse_asymmetric(ply, pressing(ply))
-    touching = _pushed(ply, tools)
-    if not (touching or moved or _has_normal_load(ply, ply.terms)):
+    if not (_pushed(ply, tools) or moved or _has_normal_load(ply, ply.terms)):
         _refuse_untouched(ply, tools)
-    _warn_of_travels(ply, tools, touching, bool(moved))
-    _warn_of_friction(ply, touching, moved)
+    _warn_of_travels(ply, tools)
 
 
-def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> set[str]:
-    """Refuse tools that cross; returns the names of those that push a node."""
+def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> bool:
+    """Refuse tools that cross; True if one of them pushes a node."""
     X, free = np.pad(ply.nodes, ((0, 1), (0, 0))), _FREE * _size(ply)
-    x, normals = [X] * len(tools), [_normal(x, X) for x in tools]
+    x, normals = [X] * len(tools), [_normal(x) for x in tools]
     pairs = permutations(range(len(tools)), 2)
     opposite = [(i, j) for i, j in pairs if normals[i] @ normals[j] < OPPOSITE]
-    touching = set()
+    touches = False
     for t in _load_factors(tools):
         pushed = [_pushed_out(*pair, t, free) for pair in zip(tools, x, strict=True)]
         x = [at for at, _ in pushed]
-        touching |= {
-            tool.name for tool, at in zip(tools, pushed, strict=True) if at[1].size
-        }
+        touches |= any(nodes.size for _, nodes in pushed)
         for i, j in opposite:
             _refuse_crossing(tools[i], tools[j], X, *pushed[i], t, free)
-    return touching
+    return touches
 
 
 def _load_factors(tools: Sequence[ToolTerm], intervals: int = _PUSHES) -> list[float]:
@@ -122,11 +118,10 @@ def _load_factors(tools: Sequence[ToolTerm], intervals: int = _PUSHES) -> list[f
     return sorted({*equal, *(t for amount in amounts for t in amount.load_factors)})
 
 
-def _normal(tool: ToolContact, X: ndarray) -> ndarray:
+def _normal(tool: ToolContact) -> ndarray:
     """Initial normal of a tool at the nearest node; zero if it does not reach any."""
-    at = tool._obstacle.gaps(X, 0.0)
-    nearest = int(at.gap.argmin())
-    return np.where(np.isfinite(at.gap[nearest]), at.normal[:, nearest], 0.0)
+    normal, gap = tool._obstacle.at_rest
+    return np.where(np.isfinite(gap), normal, 0.0)
 
 
 def _pushed_out(
@@ -232,75 +227,18 @@ def _refuse_travels(ply: Ply) -> None:
             )
 
 
-def _warn_of_travels(
-    ply: Ply, tools: Sequence[ToolContact], touching: Collection[str], moved: bool
-) -> None:
-    """Warn of tools that push the ply far, or move furthest and touch nothing.
-
-    ``touching`` are the names of tools that are known to touch the undeformed ply.
-    """
-    travels = [_furthest(tool) for tool in tools]
-    driven = [x for x, d in zip(tools, travels, strict=True) if d >= max(travels) > 0]
-    moved = moved or len(pressing(ply)) > len(tools)  # a holder presses the ply
-    misses = not (moved or any(tool.name in touching for tool in driven))
+def _warn_of_travels(ply: Ply, tools: Sequence[ToolContact]) -> None:
+    """Warn of tools that push the ply far."""
     whole = _size(ply) * (2 if "mirror" in ply.fibre_ends.values() else 1)
-    for tool, travel in zip(tools, travels, strict=True):
-        if travel <= _FAR * whole and not (misses and driven == [tool]):
+    for tool in tools:
+        pushed = max(map(tool._obstacle.depth, _load_factors(tools)))
+        if pushed <= _FAR * whole or _approach(ply, tools, tool)[0] > _FREE * whole:
             continue
-        gap, _ = _approach(ply, tools, tool)
-        if gap > _FREE * _size(ply):
-            if misses and driven == [tool]:
-                text = (
-                    "tool %r moves by %.3g mm, but stays %.3g mm away from the "
-                    "undeformed ply: check its motion and position"
-                )
-                log.warning(text, tool.name, travel, gap)
-            continue
-        normal = _normal(tool, np.pad(ply.nodes, ((0, 1), (0, 0))))
-        along = max(float(normal @ tool.travel(t)) for t in _load_factors(tools))
-        pushed = along - float(tool.gaps(ply.basis.zeros(), 0.0).min())
-        if pushed > _FAR * whole:
-            text = (
-                "tool %r pushes the ply by %.3g mm, over half of the size of the "
-                "whole ply, %.3g mm, which has to follow: check its travel"
-            )
-            log.warning(text, tool.name, pushed, whole)
-
-
-def _warn_of_friction(ply: Ply, touching: Collection[str], moved: float) -> None:
-    """Warn of friction of tools further away than supports and other tools move.
-
-    Not where tools rotate, or loads move the ply out of its plane.
-    """
-    tools = pressing(ply)
-    away = [x for x in contacts(ply) if x.friction and x.name not in touching]
-    if not away or _has_normal_load(ply, [x for x in ply.terms if x not in tools]):
-        return
-    if any(x.rotation(t) for x in tools for t in _load_factors([x])):
-        return
-    every = {tool.name: _reach(tool) for tool in tools}
-    for tool in away:
-        others = moved + sum(every.values()) - every[tool.name]
-        gap, _ = _approach(ply, contacts(ply), tool)
-        if gap > others:
-            stays = f"it stays {gap:.3g} mm away from the undeformed ply"
-            if np.isinf(gap):
-                stays = "no node of the undeformed ply is within its edges or outline"
-            log.warning(
-                "friction of %s may have no effect: %s, and supports and other tools "
-                "move by %.3g mm: check its position, motion and unit of length",
-                *(tool._obstacle.what, stays, others),
-            )
-
-
-def _reach(tool: ToolTerm) -> float:
-    """Distance in mm by which a tool may move a flat ply."""
-    if isinstance(tool, ToolContact):
-        factors = _load_factors([tool], _INTERVALS)
-        room = tool._obstacle.reach or no_reach
-        return _furthest(tool) + float(np.ptp([room(t) for t in factors]))
-    distance = tool._obstacle.gaps(tool._obstacle.X, 0.0).distance
-    return _furthest(tool) + float(np.abs(distance[np.isfinite(distance)]).max())
+        text = (
+            "tool %r pushes the ply by %.3g mm, over half of the size of the whole "
+            "ply, %.3g mm, which has to follow: check its travel"
+        )
+        log.warning(text, tool.name, pushed, whole)
 
 
 def _size(ply: Ply) -> float:

@@ -8,7 +8,8 @@ from numpy import ndarray
 
 from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
-from ..solve.quantities import LOST, Quantity
+from ..solve.largest_angle import largest_shear_angle
+from ..solve.quantities import IN_SPACE, LOST, Quantity
 from ..solve.result import Result, components_mm
 from ..solve.states import State
 from .gaps import (
@@ -21,7 +22,7 @@ from .gaps import (
     turn_on_tool,
 )
 from .holder import contacts, flat_thickness, pressing
-from .obstacle import ToolContact, ToolTerm
+from .obstacle import ToolContact, ToolTerm, deepest
 from .risks import COARSE, most_compressed, share_of_area, wrinkle_risk
 from .shape import areal_weight, draw_in, fibre_curvature
 
@@ -31,6 +32,13 @@ _RAYS = (0, 45, 90)
 # Ends of the columns of `tool_history` in the table of phases, and digits of a share.
 _TABLED = ("_travel_mm", "_rotation_deg", "_force_N", "_distance_mm")
 _DIGITS = 9
+
+# Cosine of an angle between the motion of a tool and the normal of a holder below which
+# the motion is along the holder: normals of smooth triangles deviate by a few degrees.
+_PARALLEL = 0.5
+
+# Relative difference of motions that is round-off.
+_ROUND_OFF = 1e-9
 
 
 def formed(result: Result) -> dict[str, Any]:
@@ -61,7 +69,7 @@ def formed(result: Result) -> dict[str, Any]:
     if not tools:
         return {}
     gaps = {x.name: smallest_gap(ply, x, state.u, state.load_factor) for x in tools}
-    deepest = _deepest(tools, gaps)
+    inside = _deepest(tools, gaps)
     turn = np.degrees(np.max([turn_on_tool(ply, x, state) for x in tools], axis=0))
     at_risk = wrinkle_risk(ply, state.u, state.parameters)
     most = most_compressed(ply, state.u, state.parameters)
@@ -72,7 +80,7 @@ def formed(result: Result) -> dict[str, Any]:
             f"{name}_penetration_mm": max(-least.gap, 0.0) if least else 0.0
             for name, least in gaps.items()
         },
-        **deepest,
+        **inside,
         **_draw_in(ply, state.u),
         **_areal_weight(ply, state.u),
         **_curvature(ply, state, tools),
@@ -81,7 +89,7 @@ def formed(result: Result) -> dict[str, Any]:
         "max_turn_of_normal_deg": float(turn.max()),
         **(_untouched(result) if result.converged else {}),
         **_advice(result, tools, turn, at_risk),
-        "first": [quantity.declared() for quantity in _first(result, deepest)],
+        "first": [quantity.declared() for quantity in _first(result, inside)],
     }
 
 
@@ -98,12 +106,11 @@ _LOST_ON_WHOLE_PLY = f"{LOST.key}_on_whole_ply"
 _NOTES = "not_formed", "untouched_tools", "coarse_elements", "wrinkles"
 
 
-def _first(result: Result, deepest: Mapping[str, float | str]) -> list[Quantity]:
-    """Figures that are printed first; of the tool that travels farthest."""
-    t, ply = result.states[-1].load_factor, result.ply
-    name = max(pressing(ply), key=lambda tool: travel(tool, t)).name
+def _first(result: Result, depth: Mapping[str, float | str]) -> list[Quantity]:
+    """Figures that are printed first; of the tool that reaches deepest."""
+    ply, name = result.ply, driven_tool(result)
     parts, of = mirror_images(ply), name.replace("_", " ").capitalize()
-    inside = deepest.get("max_penetration_tool")
+    inside = depth.get("max_penetration_tool")
     key, note, lost = f"{name}_force_N", "", []
     if parts in PARTS:
         key = f"{name}_force_on_whole_ply_N"
@@ -148,11 +155,11 @@ def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float
     computed.
     """
     figures = {name: column[-1].item() for name, column in history.items()}
-    along, known = np.abs(_along(result)), result.error.reactions
-    names = [tool.name for tool in pressing(result.ply)]
-    for name in names:
+    directions, known = _directions(result), result.error.reactions
+    names = [*directions]
+    for name, along in directions.items():
         if name in known:
-            figures[f"{name}_force_N_half_width"] = float(along @ known[name])
+            figures[f"{name}_force_N_half_width"] = float(np.abs(along) @ known[name])
     parts = mirror_images(result.ply)
     for name in names if parts in PARTS else ():
         for end in ("", "_half_width"):
@@ -212,8 +219,9 @@ def phase_table(result: Result, process: Any) -> list[dict[str, Any]]:
     last state of a run that stopped early; ``load_factor``; of each tool
     ``NAME_travel_mm``, ``NAME_force_N`` and so on, see `tool_history`; of each clamp
     ``NAME_force_N``;
-    ``max_shear_angle_deg``; ``max_draw_in_mm``; ``wrinkle_risk_share_of_area``; and
-    ``energy_lost`` in N·mm, by friction and by laws, if any is lost.
+    ``recovered_max_shear_angle_deg``, as in the summary; ``max_draw_in_mm``;
+    ``wrinkle_risk_share_of_area``; and ``energy_lost`` in N·mm, by friction and by
+    laws, if any is lost.
 
     Parameters
     ----------
@@ -235,7 +243,7 @@ def phase_table(result: Result, process: Any) -> list[dict[str, Any]]:
             "load_factor": t,
             **{key: column[i].item() for key, column in columns.items()},
             **result.clamp_forces(state),
-            "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
+            IN_SPACE.key: float(np.degrees(largest_shear_angle(ply, u))),
             "max_draw_in_mm": float(draw_in(ply, u).inwards.max()),
             "wrinkle_risk_share_of_area": share_of_area(ply, risk),
         }
@@ -256,30 +264,73 @@ def travels(result: Result) -> dict[str, ndarray]:
 def tool_forces(result: Result) -> dict[str, ndarray]:
     """Force of each tool on the ply in N, by name, shape (n_states,).
 
-    The component along the longest travel of a tool in a state, so that the forces of
-    opposite tools have opposite signs; along z if no tool travels.
+    The component along the motion of the `driven_tool`, so that the forces of opposite
+    tools have opposite signs; along z if no tool travels.  Of a holder the component
+    along the direction in which it presses, positive if it presses.
 
     Raises
     ------
     ValueError
         If the ply has no tools.
     """
-    ply, states, along = result.ply, result.states, _along(result)
+    ply, states, directions = result.ply, result.states, _directions(result)
     return {
-        x.name: np.array([tool_force(ply, x, state) @ along for state in states])
+        x.name: np.array(
+            [tool_force(ply, x, state) @ directions[x.name] for state in states]
+        )
         for x in pressing(ply)
     }
 
 
-def _along(result: Result) -> ndarray:
-    """Direction of the longest travel of a tool in a state; z if none travels."""
-    tools, states = pressing(result.ply), result.states
+def driven_tool(result: Result) -> str:
+    """Name of the tool that reaches deepest beyond the plane of the flat ply.
+
+    The one that travels farthest if none moves beyond the plane.
+    """
+    return _deepest_tool(result)[0].name
+
+
+def last_closed(result: Result) -> int:
+    """Index of the last state before tools open.
+
+    In which the `driven_tool` is deepest beyond the plane of the flat ply; of several
+    the last one in which the tools have moved furthest towards it in total.
+    """
+    driven, _ = _deepest_tool(result)
+    obstacles = [x._obstacle for x in contacts(result.ply)]
+    factors = [state.load_factor for state in result.states]
+    depth = np.array([driven._obstacle.depth(t) for t in factors])
+    closed = np.array([sum(x.closed(t) for x in obstacles) for t in factors])
+    least = _ROUND_OFF * max(np.abs(depth).max(), np.abs(closed).max())
+    deep = depth >= depth.max() - least
+    return int(np.flatnonzero(deep & (closed >= closed[deep].max() - least))[-1])
+
+
+def _deepest_tool(result: Result) -> tuple[ToolTerm, float]:
+    """The `driven_tool`, and the load factor at which it is deepest."""
+    tools: Sequence[ToolTerm] = contacts(result.ply)
+    factors = [state.load_factor for state in result.states]
+    if not any(tool.travel(t).any() for tool in tools for t in factors):
+        tools = pressing(result.ply)
     if not tools:
         raise ValueError("the ply has no tools or holders, and so no tool forces")
-    travelled = [x.travel(state.load_factor) for x in tools for state in states]
-    longest = max(travelled, key=np.linalg.norm)
-    length = float(np.linalg.norm(longest))
-    return longest / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    number, t = deepest([x._obstacle for x in tools], factors)
+    return tools[number], t
+
+
+def _directions(result: Result) -> dict[str, ndarray]:
+    """Directions of `tool_forces`, by the name of the tool."""
+    tool, t = _deepest_tool(result)
+    travelled = tool.travel(t)
+    length = float(np.linalg.norm(travelled))
+    along = travelled / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    found = {}
+    for x in pressing(result.ply):
+        normal, _ = x._obstacle.at_rest
+        presses = float(normal @ along) if x._obstacle.reach else 1.0
+        parallel = abs(presses) > _PARALLEL or not normal.any()
+        found[x.name] = np.copysign(1.0, presses) * along if parallel else normal
+    return found
 
 
 def travel(tool: ToolTerm, t: float) -> float:
@@ -294,13 +345,13 @@ def _deepest(
     inside = {name: x for name, x in gaps.items() if x is not None and x.gap < 0}
     if not inside:
         return {"max_penetration_mm": 0.0}
-    name, deepest = min(inside.items(), key=lambda item: item[1].gap)
-    at = tools[0].stated(deepest.place[:, None])[:, 0]
+    name, most = min(inside.items(), key=lambda item: item[1].gap)
+    at = tools[0].stated(most.place[:, None])[:, 0]
     return {
-        "max_penetration_mm": -deepest.gap,
+        "max_penetration_mm": -most.gap,
         "max_penetration_tool": name,
         **components_mm("max_penetration_at", at),
-        "max_penetration_element": deepest.element,
+        "max_penetration_element": most.element,
     }
 
 

@@ -9,7 +9,8 @@ its motion in the axes of the tool.  Sliding begins after an elastic slip of the
 is the derivative of b h(|y|), where h(y) = y²/2ε up to ε and y − ε/2 beyond: a convex
 energy.  s is the force at the last state, not above b, and X₀ the place on the tool.
 n and b are updated within an iteration, near the equilibrium; s, X₀ and the work once a
-step.
+step.  The work is the slip beyond ε, along an arc on the tool, times the mean of the
+bounds at both ends of the step, because the bound changes within it.
 
 Newton's method converges slowly at the kink between sticking and sliding.  The tangent
 therefore contains the force σ that the previous increment predicts, which is linear in
@@ -26,9 +27,10 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from ..ply.amount import SAME
 from ..ply.parameters import Values
 from ..solve.direction import TINY
-from ..solve.verdict import WITHIN_STEP
+from ..solve.verdict import Course
 
 
 class Friction:
@@ -36,8 +38,9 @@ class Friction:
 
     All vectors are in the axes of the tool, shape (3, n_nodes).  Its values among the
     parameters of the tool are ``bound``, b in N; ``normal``, n; ``slips_from``, X₀ in
-    mm; ``shear``, s in N; ``predicted``, σ in N; and ``work``, the work of sliding in
-    N·mm.
+    mm; ``shear``, s in N; ``predicted``, σ in N; ``work``, the work of sliding in N·mm;
+    and of the last state ``pressed``, the normal forces in N, and ``since``, its load
+    factor.
 
     Parameters
     ----------
@@ -49,6 +52,9 @@ class Friction:
         Rotation R and translation c of the tool at a load factor.
     positions
         Positions x of the contact points at a displacement in mm.
+    constrains
+        True if the tool keeps points off its surface; False if its normal forces are
+        prescribed.
     """
 
     def __init__(
@@ -57,9 +63,11 @@ class Friction:
         slip: float,
         placement: Callable[[float], tuple[ndarray, ndarray]],
         positions: Callable[[ndarray], ndarray],
+        constrains: bool = True,
     ) -> None:
         self._coefficient, self.slip = coefficient, slip
         self._placement, self._positions = placement, positions
+        self._constrains = constrains
 
     def at_rest(self, u: ndarray) -> dict[str, Any]:
         """Values of a ply at rest, which touches nothing."""
@@ -72,6 +80,8 @@ class Friction:
             "shear": none,
             "predicted": none,
             "work": np.zeros(()),
+            "pressed": none[0],
+            "since": np.zeros(()),
         }
 
     def bound(self, t: float, force: ndarray) -> ndarray:
@@ -99,13 +109,56 @@ class Friction:
         force = (p["bound"] * (y + dy) - turned) / np.maximum(size, self.slip)
         return Values({**p, "predicted": _bounded(force, p["bound"])})
 
-    def advanced(self, p: Values, u: ndarray, t: float) -> Values:
-        """Values after a step, at its converged displacement."""
-        y, size = self._slipped(u, t, p)
-        force, x = self._force(u, t, p), self._local(u, t)
-        slid = y * np.maximum(1 - self.slip / np.maximum(size, TINY), 0.0)
-        work = p["work"] + (force * slid).sum()
-        return Values({**p, "slips_from": x, "shear": force, "work": work})
+    def advanced(self, p: Values, u: ndarray, t: float, force: ndarray) -> Values:
+        """Values after a step, at its converged displacement and normal forces."""
+        after = {
+            "slips_from": self._local(u, t),
+            "shear": self._force(u, t, p),
+            "work": p["work"] + self._mean_bound(p, u, t, force) @ self._slid(p, u, t),
+            "pressed": force,
+            "since": np.array(t),
+        }
+        return Values({**p, **after})
+
+    def _slid(self, p: Values, u: ndarray, t: float) -> ndarray:
+        """Lengths of the slips of a step beyond the elastic slip, shape (n_nodes,).
+
+        A point that touches at both ends slips along an arc on the tool.
+        """
+        _, size = self._slipped(u, t, p)
+        slid = np.maximum(size - self.slip, 0.0)
+        moved = self._local(u, t) - p["slips_from"]
+        along = np.linalg.norm(self._tangential(moved, p), axis=0)
+        longer = self._arcs(moved, p) - along
+        return slid + np.where((slid > 0) & (p["bound"] * p["pressed"] > 0), longer, 0)
+
+    def _arcs(self, chords: ndarray, p: Values) -> ndarray:
+        """Lengths of arcs on the tool with chords, that end along the surface."""
+        along = np.linalg.norm(self._tangential(chords, p), axis=0)
+        if not self._constrains:
+            return along
+        chord = np.linalg.norm(chords, axis=0)
+        half = np.arccos(np.minimum(along / np.maximum(chord, TINY), 1.0))
+        return chord / np.sinc(half / np.pi)
+
+    def _mean_bound(self, p: Values, u: ndarray, t: float, force: ndarray) -> ndarray:
+        """Bounds in N averaged over the slip of a step, shape (n_nodes,).
+
+        They change linearly.  A point that the tool leaves follows it along the normal
+        while both touch: for the share of the motion of the tool that it moves itself.
+        """
+        began, x = float(p["since"]), p["slips_from"]
+        # A coefficient may jump at the start of the step.
+        before = self._coefficient(min(began + SAME, t)) * p["pressed"]
+        mean = 0.5 * (before + p["bound"])
+        if not self._constrains:
+            return mean
+        (first, start), (last, end) = map(self._placement, (began, t))
+        x_0, normal = first @ x + start[:, None], last @ p["normal"]
+        ends = last @ x + end[:, None], self._positions(u)
+        tool, point = (np.maximum(((x_0 - y) * normal).sum(axis=0), 0) for y in ends)
+        share = np.minimum((point + self.slip) / (tool + self.slip), 1.0)
+        return np.where(force > 0, mean, share * mean)
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Σ b (h(|y|) − h(|y|) at the last state), in N·mm."""
@@ -114,30 +167,63 @@ class Friction:
         return float(p["bound"] @ (self._height(size) - self._height(start)))
 
     def missed(
-        self, p: Values, start: tuple[ndarray, float], u: ndarray, t: float
+        self, p: Values, course: Course, u: ndarray, t: float, force: ndarray
     ) -> float:
         """Work in N·mm that a step misses, because the motion turns within it.
 
-        The bounds over the paths of the points on the tool, less the bounds over their
-        straight connections, along which the step counts slip.  The tool moves by its
-        motion, the ply straight between both states.  A point that follows the tool
-        moves along with it instead: as much as a point moves in space is not counted.
+        The bounds over the paths of the points on the tool, less the bounds over the
+        straight connections or arcs along which the step counts slip.
+
+        A free point may follow the tool, or a support, instead of moving straight.  As
+        much as it moves in space is not counted, nor is a path shorter than the elastic
+        slip.  Of supports that turn the whole ply is assumed to follow the one that
+        turns most, in proportion to the slips.
 
         Parameters
         ----------
-        p, u, t
-            Values, displacement and load factor at the end of the step.
-        start
-            Displacement and load factor at its start.
+        p, u, t, force
+            Values, displacement, load factor and normal forces at the end of the step.
+        course
+            Motion of the ply within the step.
         """
-        u_0, t_0 = start
-        shares = np.linspace(0, 1, WITHIN_STEP + 1)
-        within = [(u_0 + s * (u - u_0), t_0 + s * (t - t_0)) for s in shares]
-        x = np.array([self._tangential(self._local(*at), p) for at in within])
-        path = np.linalg.norm(np.diff(x, axis=0), axis=1).sum(axis=0)
-        counted = np.maximum(np.linalg.norm(x[-1] - x[0], axis=0), self.slip)
-        moved = np.linalg.norm(self._positions(u) - self._positions(u_0), axis=0)
-        return float(p["bound"] @ np.maximum(path - counted - moved, 0.0))
+        x, over, net = self._velocities(course)
+        normal = self._placement(t)[0] @ p["normal"]
+        path = course.length(over - normal * (over * normal).sum(axis=1)[:, None])
+        counted = np.maximum(self._arcs(net, p), self.slip)
+        start = self._positions(course.u)
+        followed, moved = (
+            np.linalg.norm(self._positions(course.u + du) - start, axis=0)
+            for du in (course.free, course.du)
+        )
+        detour = self._detours(course, x, over)
+        most = int(detour.argmax())
+        share = np.minimum(counted / max(float(moved[most]), self.slip), 1.0)
+        missed = np.maximum(path - counted - followed, share * detour[most])
+        return float(self._mean_bound(p, u, t, force) @ missed)
+
+    def _detours(self, course: Course, x: ndarray, over: ndarray) -> ndarray:
+        """Paths of points beyond straight ones and the elastic slip, (n_nodes,).
+
+        They are relative to the tool without its mean motion.
+        """
+        over = over + course.mean(x - over)
+        straight = over - x + course.mean(x)
+        longer = course.length(over) - course.length(straight)
+        return np.maximum(longer - self.slip, 0.0)
+
+    def _velocities(self, course: Course) -> tuple[ndarray, ndarray, ndarray]:
+        """Velocities of the points in a step, and over the tool; and the slip.
+
+        Both in the axes of the ply, shape (n, 3, n_nodes); the slip is in the axes of
+        the tool, (3, n_nodes).
+        """
+        x, over, local = [], [], []
+        for first, last in course.around:
+            dt = last[1] - first[1]
+            x.append((self._positions(last[0]) - self._positions(first[0])) / dt)
+            local.append((self._local(*last) - self._local(*first)) / dt)
+            over.append(self._placement(first[1])[0] @ local[-1])
+        return np.array(x), np.array(over), course.sum(np.array(local))
 
     def stored(self, u: ndarray, t: float, p: Values) -> float:
         """Energy of the elastic slips, Σ b h of their lengths, in N·mm."""

@@ -126,6 +126,8 @@ class HolderPressure(ToolTerm):
         The latter, or None.
     """
 
+    constrains = False
+
     def __init__(
         self,
         name: str,

@@ -14,6 +14,9 @@ from .outline import ROUND_OFF
 #: the load factor that returns the translation, or a rotation matrix and it.
 Motion: TypeAlias = ArrayLike | Callable[[float], Any]
 
+# Largest component of a translation in mm: its square is finite.
+_MOST = 1e100
+
 
 def placement(tool: str, motion: Motion | None, t: float) -> tuple[ndarray, ndarray]:
     """Rotation matrix and translation of a motion at a load factor.
@@ -44,6 +47,10 @@ def placement(tool: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
         translation = t * translation
     if not np.isfinite(translation).all():
         raise ValueError(f"{what} is not finite at load factor {t:g}")
+    if (most := float(np.abs(translation).max())) > _MOST:
+        raise ValueError(
+            f"{what} is {most:.4g} mm at load factor {t:g}: check its unit"
+        )
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if not (off <= ROUND_OFF and np.linalg.det(rotation) > 0):
         raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")

@@ -10,6 +10,8 @@ vanishes, touch no tool.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,11 +21,11 @@ from skfem import CellBasis, ElementQuad1, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
 from ..mesh.recovery import contact_points, nodes_and_normal
-from ..mesh.user_input import coords, real_numbers
+from ..mesh.user_input import coords, real_numbers, refuse_in_files
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm, ElementTerm
 from ..solve.on_surface import CheckedSurface, SurfaceError, check_surface
-from ..surfaces.surface import Surface
+from ..surfaces.surface import Surface, triangle_sums
 from .motion import Motion, angle_turned, placement, travelled
 from .outline import ROUND_OFF, corners_of, inside
 
@@ -107,6 +109,16 @@ class Obstacle:
             raise ValueError(
                 f"{what}: a tool requires a ply in space: use Ply(..., dimension=3)"
             )
+        refuse_extent(what, tool.surface, basis.mesh)
+        return cls.near(tool, node_positions(basis), reach)
+
+    @classmethod
+    def near(
+        cls, tool: Any, nodes: ndarray, reach: Callable[[float], float] | None = None
+    ) -> "Obstacle":
+        """Obstacle near the nodes of a flat ply, shape (2, n_nodes), of any size."""
+        what = f"tool {tool.name!r}"
+        refuse_in_files(what, tool.name)
         if tool.side not in (None, 1, -1):
             raise ValueError(f"{what}: side must be 1, -1 or None, got {tool.side!r}")
         half = 0.5 * float(real_numbers(f"{what}: thickness", tool.thickness))
@@ -114,8 +126,7 @@ class Obstacle:
             raise ValueError(
                 f"{what}: the thickness must not be negative, got {2 * half:g} mm"
             )
-        X = np.pad(node_positions(basis), ((0, 1), (0, 0)))
-        refuse_extent(what, tool.surface, basis.mesh)
+        X = np.pad(nodes, ((0, 1), (0, 0)))
         check_surface(what, tool.surface, X)
         outline = corners_of(what, tool.outline)
         side = tool.side or 1
@@ -132,6 +143,34 @@ class Obstacle:
     def placement(self, t: float) -> tuple[ndarray, ndarray]:
         """Rotation matrix and translation at a load factor, see `placement`."""
         return placement(self.what, self.motion, t)
+
+    @cached_property
+    def at_rest(self) -> tuple[ndarray, float]:
+        """Normal and gap of the nearest node of the undeformed ply.
+
+        The gap is infinite if no node is within reach.
+        """
+        at = self.gaps(self.X, 0.0)
+        nearest = int(
+            np.where(np.isfinite(at.gap), np.abs(at.distance), np.inf).argmin()
+        )
+        return at.normal[:, nearest], float(at.gap[nearest])
+
+    def travel(self, t: float) -> ndarray:
+        """Translation from the initial position in mm, see `travelled`."""
+        return travelled(self.what, self.motion, t)
+
+    def closed(self, t: float) -> float:
+        """Distance in mm by which it has moved towards the undeformed ply.
+
+        Along its normal at the nearest node; of a holder also by the change of its gap.
+        """
+        reach = self.reach or no_reach
+        return float(self.at_rest[0] @ self.travel(t)) + reach(0.0) - reach(t)
+
+    def depth(self, t: float) -> float:
+        """Depth in mm that it has reached beyond the plane of the undeformed ply."""
+        return max(self.closed(t) - self.at_rest[1], 0.0)
 
     def gaps(self, x: ndarray, t: float) -> Gaps:
         """Gaps of points, shape (3, n).
@@ -256,6 +295,27 @@ class Obstacle:
         return side
 
 
+def deepest(
+    obstacles: Sequence[Obstacle], load_factors: Sequence[float]
+) -> tuple[int, float]:
+    """Obstacle that reaches deepest beyond the plane of the ply, and when.
+
+    The one that travels farthest if none moves beyond the plane; the first of equal
+    ones.
+
+    Returns
+    -------
+    int, float
+        Its index and the load factor.
+    """
+
+    def reached(at: tuple[int, float]) -> tuple[float, float]:
+        obstacle, t = obstacles[at[0]], at[1]
+        return obstacle.depth(t), float(np.linalg.norm(obstacle.travel(t)))
+
+    return max(product(range(len(obstacles)), load_factors), key=reached)
+
+
 def turned(rotation: ndarray, H: ndarray) -> ndarray:
     """Second derivatives in turned axes, shape (3, 3, n)."""
     return np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
@@ -378,10 +438,13 @@ class ToolTerm(ElementTerm):
         Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
     amounts
         Motion, friction, and gap, pressure or force of the tool, as stated.
+    constrains
+        See `Friction`.
     """
 
     role = "load"
     friction: Any = None
+    constrains = True
     amounts: tuple[Any, ...] = ()
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
@@ -395,7 +458,7 @@ class ToolTerm(ElementTerm):
         from .friction import Friction
 
         place, at = self._obstacle.placement, self._points.in_planes
-        self.friction = Friction(coefficient, slip, place, at)
+        self.friction = Friction(coefficient, slip, place, at, self.constrains)
 
     def amounts_at(self, t: float) -> dict[str, ndarray]:
         """Placement, gap, friction and slip at a load factor, for checkpoints."""
@@ -406,6 +469,20 @@ class ToolTerm(ElementTerm):
             values["friction"] = self.friction.bound(t, np.ones(()))
             values["elastic slip"] = np.array(self.friction.slip)
         return values
+
+    def identity(self) -> dict[str, ndarray]:
+        """Surface, outline, side and thickness, for checkpoints."""
+        obstacle = self._obstacle
+        rotation, translation = obstacle.placement(0.0)
+        surface, outline = triangle_sums(obstacle.surface), obstacle.outline
+        if not surface.size:
+            checked = CheckedSurface(obstacle.what, obstacle.surface)
+            surface = checked.level(rotation.T @ (obstacle.X - translation[:, None]))
+        return {
+            "surface": surface,
+            "outline": np.empty(0) if outline is None else outline,
+            "side and thickness": np.array([obstacle.side, obstacle.half]),
+        }
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Normal forces on the contact points in N, shape (n_nodes,)."""
@@ -474,7 +551,7 @@ class ToolTerm(ElementTerm):
 
     def travel(self, t: float) -> ndarray:
         """Translation from the initial position in mm, see `travelled`."""
-        return travelled(self._obstacle.what, self._obstacle.motion, t)
+        return self._obstacle.travel(t)
 
     def rotation(self, t: float) -> float:
         """Angle from the initial position in radians, see `angle_turned`."""
@@ -505,8 +582,11 @@ class ToolParameters(TermParameters):
 
     def advanced(self, values: Values, u: ndarray, t: float) -> Values:
         """See `Friction.advanced`."""
-        friction = self._term.friction
-        return friction.advanced(values, u, t) if friction else values
+        friction, force = self._term.friction, self._term.forces
+        if not friction:
+            return values
+        after: Values = friction.advanced(values, u, t, force(u, t, values))
+        return after
 
     def _without_friction(self, values: Values, u: ndarray, t: float) -> Values:
         raise NotImplementedError
@@ -575,7 +655,16 @@ class ToolContact(ToolTerm, ContactTerm):
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
         """Nodes that cross its outline, else see `ToolTerm`."""
-        if (at := next(filter(self._crosses_outline, states), None)) is None:
+        name = self.name
+        at = next(
+            (
+                x
+                for x in states
+                if self.crosses_outline(x.u, x.load_factor, x.parameters[name])
+            ),
+            None,
+        )
+        if at is None:
             return super().contradictions(states)
         return [
             f"load factor {at.load_factor:g}: nodes that touch {self._obstacle.what} "
@@ -583,9 +672,8 @@ class ToolContact(ToolTerm, ContactTerm):
             "within it or not by their position before: use more steps"
         ]
 
-    def _crosses_outline(self, state: Any) -> bool:
+    def crosses_outline(self, u: ndarray, t: float, p: Values) -> bool:
         """True if a node that touches moves by over half an element across it."""
-        u, t, p = state.u, state.load_factor, state.parameters[self.name]
         if "outlined" not in p:
             return False
         gaps = np.array([self.gaps(u, t, p), self.gaps(u, t)])

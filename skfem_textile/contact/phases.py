@@ -15,7 +15,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.user_input import real_numbers, shortened
+from ..mesh.user_input import real_numbers, refuse_in_files, shortened
+from ..ply import Ply
 from ..ply.amount import SAME, Limits, Part, Rows, ends_of_parts, refuse_places
 from ..solve.continuation import LoadSteps, refuse_steps
 from ..solve.result import Result
@@ -84,6 +85,16 @@ _ROWS = list, tuple, ndarray
 _ANY = Limits()
 
 
+class StepsOfProcess(tuple[int, ...]):
+    """Numbers of steps of the phases of a process."""
+
+    process: "Process"
+
+    def check_ply(self, ply: Ply) -> None:
+        """Refuse a ply whose tools are not the ones of the process."""
+        self.process.check_ply(ply)
+
+
 class Process:
     """Phases in which tools move, press and rub, with the tools.
 
@@ -105,7 +116,7 @@ class Process:
     tools
         The tools, whose motions, friction and so on are functions of the load factor.
     steps
-        Numbers of steps, for `LoadStepper`.
+        Numbers of steps, for `LoadStepper`, which refuses a ply with other tools.
     loads
         Factor of loads, a function of the load factor; None if no phase states one.
 
@@ -152,7 +163,8 @@ class Process:
         for name in axes:
             _refuse_unknown_tool("axes", name, names)
         self.names = [phase.name for phase in self.phases]
-        self.steps = tuple(phase.steps for phase in self.phases)
+        self.steps = StepsOfProcess(phase.steps for phase in self.phases)
+        self.steps.process = self
         self._ends = ends_of_parts(len(self.phases))
         moving = [self._moving(tool, axes.get(tool.name)) for tool in tools]
         self._travels = {x.name: partial(_travel, tool=x) for x in moving}
@@ -189,9 +201,23 @@ class Process:
         Raises
         ------
         ValueError
-            If the tools of the ply are not the tools of the process.
+            See `check_ply`.
         """
-        terms = {x.name: [y.stated for y in x.amounts] for x in pressing(result.ply)}
+        self.check_ply(result.ply)
+        factors = [state.load_factor for state in result.states]
+        last = {t: i for i, t in enumerate(factors)}  # of clamps that let go
+        ends = [last[t] for t in self._ends[1:] if t in last]
+        return ends if factors[-1] in self._ends else [*ends, len(factors) - 1]
+
+    def check_ply(self, ply: Ply) -> None:
+        """Refuse a ply whose tools are not the ones of the process.
+
+        Raises
+        ------
+        ValueError
+            If a tool is missing, or does not move and press as in the process.
+        """
+        terms = {x.name: [y.stated for y in x.amounts] for x in pressing(ply)}
         for tool in self.tools:
             own = [getattr(tool, name, None) for name in LIMITS]
             stated = [x for x in own if x is not None]
@@ -201,10 +227,6 @@ class Process:
                     "build the ply with the tools of the process, "
                     "Ply(..., terms=process.tools)"
                 )
-        factors = [state.load_factor for state in result.states]
-        last = {t: i for i, t in enumerate(factors)}  # of clamps that let go
-        ends = [last[t] for t in self._ends[1:] if t in last]
-        return ends if factors[-1] in self._ends else [*ends, len(factors) - 1]
 
     def _moving(self, tool: Any, axis: Any) -> Any:
         """A tool with the motion that the phases state."""
@@ -364,6 +386,7 @@ def _refuse_phases(phases: Sequence[Phase], tools: Sequence[str]) -> None:
         if names.count(phase.name) > 1:
             raise ValueError(f"two phases have the name {phase.name!r}: rename one")
         what = f"phase {phase.name!r}"
+        refuse_in_files(what, phase.name)
         refuse_steps(f"{what}: steps", phase.steps)
         _refuse_unknown(what, phase.tools, tools)
 

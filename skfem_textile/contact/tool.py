@@ -19,8 +19,8 @@ from ..ply.amount import Amount, AmountLike, Limits, Rows
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import COMPARED, HolderPressure
-from .motion import Motion, travelled
-from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
+from .motion import Motion
+from .obstacle import Obstacle, ToolContact, ToolTerm, deepest, no_reach
 from .outline import ROUND_OFF
 
 if TYPE_CHECKING:
@@ -314,30 +314,37 @@ def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
     return np.asarray(Rotation.from_rotvec(angle * unit).as_matrix())
 
 
-def farthest(tools: Sequence[Tool | Holder]) -> str:
-    """Name of the tool that travels farthest in a run, the first of equal ones.
+def deepest_of(tools: Sequence[Tool | Holder], nodes: ndarray) -> str:
+    """Name of the tool that reaches `deepest` in a run.
 
     Not of a holder with a pressure or force, whose force is not a reaction.
+
+    Parameters
+    ----------
+    tools
+        The tools.
+    nodes
+        Nodes of the flat ply in mm, shape (2, n_nodes).
 
     Raises
     ------
     ValueError
         If there is no other tool.
     """
-
-    def travel(tool: Tool | Holder) -> float:
-        what, motion = f"tool {tool.name!r}", tool.motion
-        factors = validated_at(Amount(what, motion))
-        moved = [travelled(what, motion, t) for t in factors]
-        return float(np.linalg.norm(moved, axis=1).max())
-
     known = [x for x in tools if isinstance(x, Tool) or x.gap is not None]
     if not known:
         raise ValueError(
             f"tool {tools[0].name!r} is a holder with a pressure or force, but there "
             "is no tool against which it presses: add one, or state its gap"
         )
-    return max(known, key=travel).name
+    obstacles = []
+    for tool in known:
+        gap = tool.gap if isinstance(tool, Holder) else None
+        reach = None if gap is None else amount_of(tool, "gap", f"tool {tool.name!r}")
+        obstacles.append(Obstacle.near(tool, nodes, reach))
+    motions = (Amount(x.what, x.motion) for x in obstacles)
+    factors = sorted({t for motion in motions for t in validated_at(motion)})
+    return known[deepest(obstacles, factors)[0]].name
 
 
 def amount_of(tool: Any, name: str, what: str) -> Amount:

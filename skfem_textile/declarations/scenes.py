@@ -362,6 +362,10 @@ class Drape(OnTool):
     )
 
 
+#: Default distance between die and holder in mm.
+HOLDER_GAP = 0.3
+
+
 @declaration(kw_only=True)
 class Formed(WithTools):
     """A ply between punch, die and holder."""
@@ -383,6 +387,27 @@ class Formed(WithTools):
         limits=(0, MOST_FRICTION),
         closed=True,
     )
+    gap: float | None = mm(
+        f"distance between die and holder (default: {HOLDER_GAP:g} without a pressure "
+        "or force)",
+        default=None,
+        name="holder_gap",
+    )
+    pressure: float | None = key(
+        "instead of the gap: pressure of the holder in N/mm2 on the ply under the "
+        "flat flange of the die",
+        default=None,
+        unit="N_per_mm2",
+        name="holder_pressure",
+    )
+    force: float | None = key(
+        "instead of the gap: force of the rigid holder in N on the computed part of "
+        "the ply under the flat flange of the die",
+        default=None,
+        unit="N",
+        name="holder_force",
+    )
+    compaction: Any = None
 
 
 _CENTRE = "centre of the ply, x and y in the axes of the tools"
@@ -397,8 +422,6 @@ class FormedBySymmetricTools(Formed):
     centre: tuple[float, float] = mm(_CENTRE, default=(0.0, 0.0))
 
 
-_GAP = "distance between die and holder"
-
 _CLEARANCE = "distance between punch and die in the plane of the ply"
 
 
@@ -409,7 +432,6 @@ class HemisphereForming(FormedBySymmetricTools):
     radius: float = mm("radius of the punch", default=75.0)
     fillet: float = mm("radius of the fillet of the die", default=10.0)
     travel: float = mm("final travel of the punch", default=75.0)
-    gap: float = mm(_GAP, default=0.3, name="holder_gap")
     clearance: float = mm(_CLEARANCE, default=5.0)
 
 
@@ -420,7 +442,6 @@ class DoubleDomeForming(FormedBySymmetricTools):
     size: tuple[int, int] = field(default=(24, 16), kw_only=True)
     width: float = mm(_ALONG_X, default=470.0, kw_only=True)
     travel: float = mm("final travel of the punch, at most 60 mm", default=60.0)
-    gap: float = mm(_GAP, default=0.3, name="holder_gap")
     clearance: float = mm(_CLEARANCE, default=5.0)
 
 
@@ -446,19 +467,7 @@ class Forming(Formed):
     travel: float = mm(
         "final travel of the punch along z, negative if it moves down", default=50.0
     )
-    gap: float | None = mm(
-        "distance between die and holder (default: 0.3 without a pressure)",
-        default=None,
-        name="holder_gap",
-    )
     centre: tuple[float, float] = mm(_CENTRE, default=(0.0, 0.0))
-    pressure: float | None = key(
-        "instead of the gap: pressure of the holder in N/mm2 on the ply under the "
-        "flat flange of the die",
-        default=None,
-        unit="N_per_mm2",
-        name="holder_pressure",
-    )
     part: Part | None = key(
         "whole, or quarter: the quarter with positive x and y, if tools and fibres "
         "have two planes of symmetry",

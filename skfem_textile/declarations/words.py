@@ -118,9 +118,21 @@ def case_file(text: str) -> Path:
     return Path(text)
 
 
+def unquoted(path: str) -> str:
+    """Path to a key, whose keys may be in quotation marks as in TOML, without these.
+
+    Examples
+    --------
+    >>> unquoted('phases.up.tools."*".friction')
+    'phases.up.tools.*.friction'
+    """
+    return re.sub(r"""(?<![^.])(["'])([^"']+)\1(?![^.])""", r"\2", path)
+
+
 def setting(word: str) -> tuple[str, Any]:
     """Path and value of ``path.to.key=value``, the value as in a case file."""
     path, equals, value = word.partition("=")
+    path = unquoted(path)
     keys = path.split(".")
     if not equals or not 1 < len(keys) < _MOST_KEYS or not all(keys):
         raise ArgumentTypeError(
@@ -131,8 +143,7 @@ def setting(word: str) -> tuple[str, Any]:
 
 def variation(word: str) -> tuple[str, list[Any]]:
     """Path and values of ``path.to.key=value,value,...``, as in a case file."""
-    path, values = word.partition("=")[::2]
-    setting(word)
+    (path, _), values = setting(word), word.partition("=")[2]
     try:
         return path, tomllib.loads(f"x = [{values}]")["x"]
     except (ValueError, RecursionError):

@@ -1,5 +1,6 @@
 """Functions, numbers and text of users, with one-line errors."""
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from copyreg import __newobj__  # type: ignore[attr-defined]
@@ -63,6 +64,15 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
     names = [*known]
     if name not in names:
         raise ValueError(f"unknown {what} {name!r}: choose one of {', '.join(names)}")
+
+
+def refuse_in_files(what: str, name: str) -> None:
+    """Refuse a name with characters that names of files and columns cannot contain."""
+    if found := re.search(r"[/\\\x00-\x1f]", str(name)):
+        raise ValueError(
+            f"{what}: the name contains {found[0]!r}, which names of files and columns "
+            "cannot contain: rename it"
+        )
 
 
 def real_numbers(what: str, value: Any) -> "ndarray":

@@ -24,7 +24,7 @@ from ..contact import (
     tool_forces,
     travels,
 )
-from ..contact.figures import PARTS, mirror_images
+from ..contact.figures import PARTS, driven_tool, mirror_images
 from ..contact.placed import standing
 from ..contact.risks import wrinkle_risk
 from ..ply import Ply
@@ -292,8 +292,8 @@ def tool_force(
 ) -> Figure:
     """Plot the force of each tool, and of clamps, on the ply over the travel.
 
-    The component along the motion of the tool that travels farthest, against its
-    travel; of clamps the magnitude.  If a half or quarter of the ply is computed, the
+    The component along the motion of the tool that reaches deepest, against its travel;
+    of clamps the magnitude.  If a half or quarter of the ply is computed, the
     label says that the forces are those on it.
 
     Parameters
@@ -312,7 +312,7 @@ def tool_force(
     """
     _refuse_without_tools(result)
     far = travels(result)
-    longest = max(far, key=lambda name: far[name].max())
+    driven = driven_tool(result)
     clamps = [result.clamp_forces(state) for state in result.states]
     forces = tool_forces(result) | {
         key.removesuffix("_force_N"): np.array([row[key] for row in clamps])
@@ -323,11 +323,11 @@ def tool_force(
     for end in ends:
         name = process.phase_at(result.states[end].load_factor) if process else ""
         of = slice(first, end + 1)
-        panels[name] = {k: (far[longest][of], force[of]) for k, force in forces.items()}
+        panels[name] = {k: (far[driven][of], force[of]) for k, force in forces.items()}
         first = end
     part = PARTS.get(mirror_images(result.ply))
     what = f"Force on a {part} of the ply (N)" if part else "Force on the ply (N)"
-    labels = f"Travel of {longest} (mm)", what
+    labels = f"Travel of {driven} (mm)", what
     return curves(panels, *labels, filename, same_scales=True)
 
 

@@ -27,7 +27,13 @@ from ..fabric.law import number
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import selected_nodes, turned_where
 from ..mesh.splitting import was_split
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
+from ..mesh.user_input import (
+    call_user_function,
+    keep_copies,
+    real_numbers,
+    refuse_in_files,
+    shortened,
+)
 from .parameters import NO_VALUES, TermParameters, Values
 from .terms import Term, named_edges
 
@@ -90,6 +96,7 @@ class Clamp(declared.Clamp):
             valid.
         """
         what, d = f"clamp {self.name!r}", components(basis)
+        refuse_in_files(what, self.name)
         k = number(f"{what}: stiffness", self.stiffness, above=0)
         preload = number(f"{what}: preload", self.preload)
         release = np.inf

@@ -217,6 +217,10 @@ class ContactTerm(ElementTerm):
         """Numbers of nodes that pass through the tool between two states."""
         raise NotImplementedError
 
+    def crosses_outline(self, u: ndarray, t: float, p: Values) -> bool:
+        """True if nodes that touch cross its outline in a step that is too long."""
+        return False
+
 
 class Load(Protocol):
     """Object from which a term is built on a displacement basis of a ply."""

@@ -41,11 +41,16 @@ if TYPE_CHECKING:
     from ..surfaces.triangle_mesh import TriangleMesh
 
 #: Default distance between die and holder in mm.
-GAP = declared.HemisphereForming.gap
+GAP = declared.HOLDER_GAP
 
 # Distance from the lowest point of a die, relative to its size, within which its flange
 # is flat.  Chosen: 0.03 mm of a die of 300 mm, above the rounding of files.
 _FLAT = 1e-4
+
+# Height of a double dome in mm within which the flange of its die is flat, a third of
+# the default gap; size of a holder relative to its inner edge, beyond any ply; and
+# corners of the latter.  Chosen.
+_FLAT_DOME, _FAR, _CORNERS = 0.1, 100.0, 180
 
 # Ratio of the extents of punch and die above which their units differ.  Chosen: below
 # the length of an inch, 25.4 mm.
@@ -140,19 +145,20 @@ def _press_tools(
     name: str,
     punch: Surface,
     die: Surface,
+    given: declared.Formed,
     travel: float,
-    gap: float,
-    friction: float,
-    pressure: float | None = None,
-    outline: ndarray | None = None,
+    outline: ndarray,
+    pressed: Surface | None = None,
     sides: tuple[int | None, int | None] = (None, None),
 ) -> list[Tool | Holder]:
     """Tools of a ply in the middle of the gap between holder and die.
 
-    A holder with a pressure presses the ply within an outline along the normals of the
-    die: it does not push the ply over a rounded edge of the flange.  ``sides`` are the
-    sides of punch and die on which the ply lies.
+    A holder with a pressure or force presses the ply within an outline on a surface: by
+    default on the plane of the flange, else along the normals of the die, so that it
+    does not push the ply over a rounded edge.  ``sides`` are the sides of punch and die
+    on which the ply lies.
     """
+    gap = _gap_at_rest(name, given)
     if not (np.isfinite(travel) and travel):
         raise ValueError(
             f"{name}: the travel of the punch must be a length in mm other than 0, "
@@ -160,15 +166,46 @@ def _press_tools(
         )
     up = float(np.sign(travel))
     flange = Plane((0.0, 0.0, 0.5 * up * gap), (0.0, 0.0, up))
-    holder = Holder(flange, gap, side=-1, name="holder")
-    if pressure is not None:
-        holder = Holder(die, pressure=pressure, side=sides[1], outline=outline)
+    holder = Holder(flange, gap, compaction=given.compaction, side=-1, name="holder")
+    if not (given.pressure is given.force is None):
+        holder = replace(
+            holder,
+            surface=pressed or flange,
+            side=sides[1] if pressed else -1,
+            outline=outline,
+            gap=None,
+            pressure=given.pressure,
+            force=given.force,
+        )
     tools = (
         Tool(punch, motion=(0.0, 0.0, travel), side=sides[0], name="punch"),
         Tool(die, side=sides[1], name="die"),
         holder,
     )
-    return [replace(tool, friction=friction) for tool in tools]
+    return [replace(tool, friction=given.friction) for tool in tools]
+
+
+def _gap_at_rest(name: str, given: declared.Formed) -> float:
+    """Distance between die and holder before a pressure or force acts."""
+    stated = [x for x in ("gap", "pressure", "force") if getattr(given, x) is not None]
+    if len(stated) > 1:
+        raise ValueError(
+            f"{name}: a holder has either a gap, a pressure or a force: omit "
+            f"{' or '.join(stated)}"
+        )
+    return _gap(name, GAP if given.gap is None else given.gap)
+
+
+def _beyond(
+    a: float, b: float, exponent: int, given: declared.FormedBySymmetricTools
+) -> ndarray:
+    """Outline of a holder beyond (x/a)ⁿ + (y/b)ⁿ = 1 around the axis, shape (2, m)."""
+    angle = np.linspace(0, 2 * np.pi, _CORNERS, endpoint=False)
+    c, s = np.cos(angle), np.sin(angle)
+    curve = np.sign([c, s]) * np.abs([c, s]) ** (2 / exponent) * [[a], [b]]
+    curve = np.hstack([curve, curve[:, :1]])
+    ring = np.hstack([_FAR * curve, curve])
+    return ring - np.array(given.centre)[:, None]
 
 
 def _at_centre(name: str, mesh: Mesh, turns: bool) -> dict[str, Condition]:
@@ -221,8 +258,8 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
         Radius of the fillet of the die in mm.
     travel
         Final travel of the punch in mm.
-    gap
-        Distance between die and holder in mm.
+    gap, pressure, force, compaction
+        See `forming`; the holder presses on the flange beyond the fillet.
     clearance
         Radius of the hole less the radius of the punch in mm.
 
@@ -242,13 +279,15 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     True
     """
     name = "hemisphere_forming"
-    radius, gap = positive_length(f"{name}: radius", given.radius), given.gap
-    middle, (x, y) = 0.5 * _gap(name, gap), _centre(name, given.centre)
+    radius = positive_length(f"{name}: radius", given.radius)
+    middle, (x, y) = 0.5 * _gap_at_rest(name, given), _centre(name, given.centre)
     punch = Punch(radius, (-x, -y, -radius - middle))
     hole = radius + positive_length(f"{name}: clearance", given.clearance)
     die = Die(hole, given.fillet, (-x, -y, middle))
     travel = positive_length(f"{name}: travel", given.travel)
-    tools = _press_tools(name, punch, die, travel, gap, given.friction)
+    edge = hole + die.fillet
+    outline = _beyond(edge, edge, 2, given)
+    tools = _press_tools(name, punch, die, given, travel, outline)
     return _whole_if_moved(name, tools, given.mesh, given)
 
 
@@ -265,8 +304,8 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
         See `formed_ply`; the size is 24 × 16 and the width 470 mm by default.
     travel
         Final travel of the punch in mm, at most the height of the dome.
-    gap
-        Distance between die and holder in mm.
+    gap, pressure, force, compaction
+        See `forming`; the holder presses where the flange is flat within 0.1 mm.
     clearance
         Length by which the cavity is longer and wider than the punch on each side, in
         mm.
@@ -278,7 +317,7 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
     """
     name = "double_dome_forming"
     height, length, width = 60.0, 180.0, 75.0
-    middle, travel = 0.5 * _gap(name, given.gap), given.travel
+    middle, travel = 0.5 * _gap_at_rest(name, given), given.travel
     if positive_length(f"{name}: travel", travel) > height:
         raise ValueError(
             f"{name}: the travel must be at most the height of the dome, {height:g} "
@@ -287,9 +326,11 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
     x, y = _centre(name, given.centre)
     punch = _moved(dome(height, length, width), (x, y, middle))
     clearance = positive_length(f"{name}: clearance", given.clearance)
-    cavity = dome(height, length + clearance, width + clearance)
-    die = _moved(cavity, (x, y, -height - middle))
-    tools = _press_tools(name, punch, die, travel, given.gap, given.friction)
+    length, width = length + clearance, width + clearance
+    die = _moved(dome(height, length, width), (x, y, -height - middle))
+    flat = np.log(height / _FLAT_DOME) ** 0.25
+    outline = _beyond(flat * length, flat * width, 4, given)
+    tools = _press_tools(name, punch, die, given, travel, outline)
     return _whole_if_moved(name, tools, given.mesh, given)
 
 
@@ -350,36 +391,35 @@ def forming(given: declared.Forming) -> Scene:
         Final travel of the punch along z in mm, negative if it moves down.
     gap
         Distance between die and holder in mm: `GAP` by default.
-    centre
-        Centre of the ply, x and y in the axes of the tools in mm.
     pressure
         Pressure of the holder in N/mm² instead of a gap.  It acts on the part of the
         ply under the flange of the die, the triangles at its lowest point.
+    force, compaction
+        Force in N there of a rigid holder instead of a gap, and the law of compaction
+        of the ply under it, see `Holder`.
+    centre
+        Centre of the ply, x and y in the axes of the tools in mm.
 
     Raises
     ------
     ValueError
-        See `formed_ply`; also if both a gap and a pressure are given, if a tool is
+        See `formed_ply`; also if two of gap, pressure and force are given, if a tool is
         smaller than two elements of the ply, if the punch begins beyond the plane of
-        the ply or passes it completely, or if a holder with a pressure has no flange
-        to press on.
+        the ply or passes it completely, or if a holder with a pressure or force has no
+        flange to press on.
     """
-    punch, die, travel, pressure = given.punch, given.die, given.travel, given.pressure
-    if given.gap is not None and pressure is not None:
-        raise ValueError(
-            "forming: a holder has either a gap or a pressure: omit one of them"
-        )
-    gap = _gap("forming", GAP if given.gap is None else given.gap)
+    punch, die, travel = given.punch, given.die, given.travel
+    gap = _gap_at_rest("forming", given)
     _refuse_units(punch, die)
     middle, up = 0.5 * gap, float(np.sign(travel))
     flange = float((up * die.facets.points[2]).min())
     centre = _centre("forming", given.centre)
     axes = Axes(np.append(centre, up * (flange - middle)))
     punch, die = punch.moved(*axes), die.moved(*axes)
-    outline = None if pressure is None else _flange(die, up, flange)
+    presses = not (given.pressure is given.force is None)
+    outline = _flange(die, up, flange) if presses else np.empty((2, 0))
     sides = _side(punch, up), _side(die, -up)
-    options = given.friction, pressure, outline, sides
-    tools = _press_tools("forming", punch, die, travel, gap, *options)
+    tools = _press_tools("forming", punch, die, given, travel, outline, die, sides)
     scene = formed_ply("forming", tools, given.mesh, axes, **given.ply())
     for name, tool in ("punch", punch), ("die", die):
         refuse_extent(f"forming: the {name}", tool, scene.mesh)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..contact import Holder, Phase, Process, Tool
-from ..contact.tool import farthest
+from ..contact.tool import deepest_of
 from .scene import Scene
 
 
@@ -56,7 +56,7 @@ def in_phases(
 
 
 def with_tools(scene: Scene, tools: Sequence[Tool | Holder]) -> Scene:
-    """Scene with tools, of which it reports the force of the one that moves farthest.
+    """Scene with tools, of which it reports the force of the one that reaches deepest.
 
     Unless a condition drives the scene.
 
@@ -73,5 +73,5 @@ def with_tools(scene: Scene, tools: Sequence[Tool | Holder]) -> Scene:
         If they are holders with a pressure or force only.
     """
     if tools and scene.driven not in scene.conditions:
-        scene = replace(scene, driven=farthest(tools))
+        scene = replace(scene, driven=deepest_of(tools, scene.mesh.p))
     return replace(scene, tools=tuple(tools))

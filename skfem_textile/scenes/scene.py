@@ -33,9 +33,6 @@ if TYPE_CHECKING:
 
 ExactField = Callable[[ndarray, float], ndarray]
 
-# Relative difference of travels that is round-off.
-_ROUND_OFF = 1e-9
-
 # Relative load reduction by fibre stretch above which the summary reports it.
 _WORTH_SAYING = 0.01
 
@@ -517,13 +514,6 @@ class Scene:
         return figures
 
 
-def _farthest(result: Result) -> tuple[str, ndarray]:
-    """Name of the tool that travels farthest, and its travel in mm, (n_states,)."""
-    from ..contact import travels
-
-    return max(travels(result).items(), key=lambda tool: float(tool[1].max()))
-
-
 def _turned_vector(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
     return Q @ of(Q.T @ X, t)
 
@@ -634,22 +624,22 @@ class Case:
     def described(self, result: Result) -> Result:
         """Result up to the state of the summary, the pictures and the exported part.
 
-        At the end of the phase ``describe``; by default the last state in which the
-        tool that travels farthest is furthest from its initial position, for example
-        before it returns.  The last state if there is no tool, and of a run that
-        stopped early.
+        At the end of the phase ``describe``; by default the last state before the tools
+        open, in which the tool that reaches deepest beyond the plane of the flat ply is
+        deepest and the other tools have not opened.  The last state if there is no
+        tool, and of a run that stopped early.
         """
         if not (result.converged and self.scene.tools):
             return result
         states, process = result.states, self.scene.process
         if self.describe and process:
             here = [process.phase_at(x.load_factor) == self.describe for x in states]
-        elif self.scene.driven in self.scene.conditions:
+            return result.until(int(np.flatnonzero(here)[-1]))
+        if self.scene.driven in self.scene.conditions:
             return result
-        else:
-            _, far = _farthest(result)
-            here = (far >= (1 - _ROUND_OFF) * far.max()).tolist()
-        return result.until(int(np.flatnonzero(here)[-1]))
+        from ..contact.figures import last_closed
+
+        return result.until(last_closed(result))
 
     def _description(self, result: Result) -> str:
         """Which state a result up to it describes; empty for the last one."""
@@ -657,7 +647,7 @@ class Case:
             return ""
         t, process = result.states[-1].load_factor, self.scene.process
         at = process.time(t, result.later[0].load_factor) if process else "at"
-        why = "" if self.describe else f", where {_farthest(result)[0]} is furthest"
+        why = "" if self.describe else ", before the tools open"
         return (
             f"{at} load factor {t:.4g}{why}; later states are in history.csv"
             f"{', phases.csv' if process else ''} and fields"

@@ -25,10 +25,13 @@ from .states import CheckpointError, Equilibrium, State, Verdict
 from .verdict import Trial
 
 # File format version; other versions are refused.
-_FORMAT = 10
+_FORMAT = 11
 
 # Advice for a checkpoint of another run.
 _OTHER = "; use the arguments of that run, or another folder"
+
+# Entries that identify a surface of a tool, and surfaces of conditions.
+_SURFACE, _SURFACES = "surface", "surfaces"
 
 _RUN, _STATES = "run.npz", "state_*.npz"
 
@@ -295,6 +298,11 @@ class Checkpoint:
                 always = name not in varying or not np.array_equal(old[:1], new[:1])
                 if until < 1 and always:
                     advice = ", from the start: start a new run"
+                elif name.startswith(_SURFACE):
+                    advice = (
+                        ": restore its file if this was changed since that run, or "
+                        "start a new run in another folder"
+                    )
                 raise CheckpointError(f"{another}its {name} differ{advice}")
 
     def _fingerprint(self) -> dict[str, ndarray]:
@@ -323,8 +331,11 @@ class Checkpoint:
         entries |= {
             "fixed unknowns": constraints.fixed,
             "fixed directions": np.empty(0) if turn is None else turn.data,
-            "surfaces": np.empty(0) if surfaces is None else surfaces.levels(1.0),
+            _SURFACES: np.empty(0) if surfaces is None else surfaces.levels(1.0),
         }
+        for term in ply.terms:
+            of_tool: Any = getattr(term, "identity", dict)()
+            entries |= {f"{key} of {term.name!r}": x for key, x in of_tool.items()}
         entries |= {
             f"values of the release of {x.name!r}": np.array([x.release])
             for x in ply.terms

@@ -250,10 +250,9 @@ class Continuation:
         """
         t = state.load_factor
         if projected > MOST_PROJECTED or not self.follows_path:
-            follow = self.follows_path and self.halvings and t > self.not_followed_until
-            if follow and step > 0.75 * self._short:
+            follow = self.follows_path and t > self.not_followed_until
+            if follow and self.halves(step):
                 self.to_compare.append(StepEnd.of(state))
-                self.next, self.cut = 0.5 * step, self.cut + 1
                 return False
             self.mark(t)
         if not settled or t <= self.not_followed_until:
@@ -264,6 +263,13 @@ class Continuation:
                 self.mark(t)
         if projected == 0:
             self.next = min(2 * self.next, self.longest)
+        return True
+
+    def halves(self, step: float) -> bool:
+        """Halve a hard step, unless it is short; False if it is."""
+        if not self.halvings or step <= 0.75 * self._short:
+            return False
+        self.next, self.cut = 0.5 * step, self.cut + 1
         return True
 
     def _remains(self, overload: Overload) -> bool:

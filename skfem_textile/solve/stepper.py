@@ -107,7 +107,8 @@ class LoadStepper:
     ------
     ValueError
         If a condition is not valid at some load factor, tools leave no room for the ply
-        or never touch it (see `check_tools`), ``steps`` are not whole numbers
+        or never touch it (see `check_tools`), the steps of a `Process` have other tools
+        than the ply, ``steps`` are not whole numbers
         from 1 to a million, ``max_halvings`` not one from 0 to 30, a method or check is
         unknown, the solver is unknown or not installed, or an argument has the wrong
         type.
@@ -151,6 +152,8 @@ class LoadStepper:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
         _check_arguments(ply, max_halvings, warn_only, callbacks)
         self.steps = load_steps(steps)
+        if check_ply := getattr(steps, "check_ply", None):  # of a process
+            check_ply(ply)
         self.load_factors = self.steps.ends()[1:]
         chosen = solver_named(solver)
         self.ply = ply
@@ -531,6 +534,9 @@ class Run:
             growth = load_growth(problem, last, t) if loaded else 0.0
             self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
+        if found.crosses_outline and self.continuation.halves(step):
+            log.info("the step to load factor %g crosses an outline and is halved", t)
+            return
         state, settled = self._reached(found)
         projected = found.projected
         if driven and self._jumps(state):
@@ -593,7 +599,8 @@ class Run:
         """The state, and whether it is independent of the number of steps."""
         before = sum(state.linear_solves for state in self.states)
         state = found.state(self.problem.clock.solves - before)
-        resolved = not (self._depends_on_steps(state) or found.misses_sliding)
+        misses = found.misses_sliding or found.crosses_outline
+        resolved = not (misses or self._depends_on_steps(state))
         return state, found.converged and resolved
 
     def _jumps(self, state: State) -> bool:

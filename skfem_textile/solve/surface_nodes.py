@@ -22,6 +22,7 @@ from ..surfaces.surface import (
     gaps,
     is_on,
     onto,
+    triangle_sums,
 )
 from .on_surface import (
     CheckedSurface,
@@ -275,14 +276,15 @@ class SurfaceNodes:
         return self._parts[0][1].place(position)
 
     def levels(self, t: float) -> ndarray:
-        """φ and ∇φ of each surface at probe positions, which identify a surface."""
+        """Numbers that identify surfaces: φ and ∇φ at positions, and triangles."""
         probe = self._X + 0.1 * np.sin(np.arange(self._X.size)).reshape(self._X.shape)
         surfaces = [(s, probe[:, nodes]) for s, nodes in self._surfaces(t)]
         try:
             values = [[*s.level(x), *s.gradient(x).flat] for s, x in surfaces]
         except SurfaceError as error:
             raise ValueError(str(error)) from error.__cause__
-        return np.concatenate([np.empty(0), *values])
+        triangles = [triangle_sums(one.surface) for _, one, _ in self._parts]
+        return np.concatenate([np.empty(0), *values, *triangles])
 
     def facing(self, u: ndarray, t: float, elements: ndarray, n: ndarray) -> ndarray:
         """1 for elements oriented to their surface like most, −1 for the others.

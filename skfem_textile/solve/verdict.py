@@ -14,16 +14,17 @@ the edge.
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from itertools import chain
-from typing import TypeAlias
+from itertools import chain, pairwise
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import printable
+from ..ply.amount import SAME
 from ..ply.parameters import PlyParameters
 from . import active_set
-from .conditions import turned
+from .conditions import plain, turned
 from .direction import TINY
 from .problem import EPSILON, HOLD, ROUNDINGS, Evaluation, Problem
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
@@ -37,8 +38,12 @@ CHECKS = (
 # Motion of a support, relative to the largest displacement, that is round-off.
 _ROUND_OFF = 64 * EPSILON
 
-#: Intervals of a step in which motions are followed, a limit of work.
+#: Number of velocities of a motion between two load factors at which it bends, a limit
+#: of work.  They do not depend on the number of turns in between.
 WITHIN_STEP = 8
+
+# Interval over which velocities are differences, relative to the one between two bends.
+_APART = 1e-5
 
 _STIFFER = "more steps, or a larger stabilisation"
 
@@ -73,6 +78,41 @@ _GAP = 0.125
 # Fibre strain below which a fibre counts as folded up: that at which a linear law is
 # refused too.  A sinusoidal wrinkle of this length is as steep as 75°.
 _FOLDED_UP = -1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Motion of a ply within a step: supports by their conditions, the rest straight.
+
+    Attributes
+    ----------
+    u, du, free
+        Displacement at the start of the step, its change, and the change of the free
+        unknowns alone, each (n_unknowns,).
+    around
+        Displacements and load factors just before and after the ones at which the
+        motion is followed.
+    weights
+        Weights of the latter in integrals over the load factor, shape (n,).
+    """
+
+    u: ndarray
+    du: ndarray
+    free: ndarray
+    around: list[tuple[tuple[ndarray, float], tuple[ndarray, float]]]
+    weights: ndarray
+
+    def sum(self, velocities: ndarray) -> ndarray:
+        """Integral of velocities, shape (n, ...)."""
+        return np.tensordot(self.weights, velocities, 1)
+
+    def mean(self, velocities: ndarray) -> ndarray:
+        """Mean of velocities, shape (n, ...)."""
+        return self.sum(velocities) / self.weights.sum()
+
+    def length(self, velocities: ndarray) -> ndarray:
+        """Lengths of paths with velocities, shape (n, d, n_points)."""
+        return self.sum(np.linalg.norm(velocities, axis=1))
 
 
 @dataclass(eq=False, kw_only=True)
@@ -139,29 +179,59 @@ class Trial(Equilibrium):
     def missed_sliding(self) -> float:
         """Share of the work of sliding on tools that the step misses, see `Friction`.
 
-        Zero without friction.  Of supports that move back and forth the whole ply is
-        assumed to follow the one that turns back most.
+        Zero without friction.
         """
-        problem, start, p = self.problem, self.start, self.parameters
-        if start is None or not problem.rubbing:
+        problem, u, p = self.problem, self.u, self.parameters
+        t, course, missed = problem.load_factor, self._course, 0.0
+        if course is None:
             return 0.0
-        t_0, t = start.load_factor, problem.load_factor
-        state = (start.u, t_0), self.u, t
-        missed = sum(x.friction.missed(p[x.name], *state) for x in problem.rubbing)
-        within = np.linspace(t_0, t, WITHIN_STEP + 1)
-        held = np.array([problem.constraints.fixed_values(s) for s in within])
-        path = np.abs(np.diff(held, axis=0)).sum(axis=0) * (1 - _ROUND_OFF)
-        back = path - np.abs(held[-1] - held[0])
-        bounds = sum(p[x.name]["bound"].sum() for x in problem.rubbing)
-        missed += float(bounds) * float(back.max(initial=0.0))
-        lost = problem.ply.energy_lost(self.u, t, p)
+        for x in problem.rubbing:
+            at = u, t, x.forces(u, t, p[x.name])
+            missed += x.friction.missed(p[x.name], course, *at)
+        lost = problem.ply.energy_lost(u, t, p)
         counted = sum(lost[x.name] for x in problem.rubbing)
         return missed / max(missed + counted, TINY)
+
+    @property
+    def _course(self) -> "Course | None":
+        """Motion within a step that may slide on tools; None for other ones."""
+        problem, start, t = self.problem, self.start, self.problem.load_factor
+        if start is None or not problem.rubbing or start.load_factor == t:
+            return None
+        supports, began = problem.constraints, start.load_factor
+        bends = [x.load_factors for x in supports.amounts]
+        bends += [x.load_factors for term in problem.rubbing for x in term.amounts]
+        inner = {x for x in chain(*bends) if began + SAME < x < t - SAME}
+        points, weights = np.polynomial.legendre.leggauss(WITHIN_STEP)
+        around, every = list[Any](), list[float]()
+        before, moves = (turned(x, supports.turn) for x in (start.u, self.move))
+
+        def at(s: float) -> tuple[ndarray, float]:
+            q = before + (s - began) / (t - began) * moves
+            q[supports.prescribed] = supports.fixed_values(s)
+            return plain(q, supports.turn), s
+
+        for first, last in pairwise([began, *sorted(inner), t]):
+            half = 0.5 * (last - first)
+            middles = first + half * (1 + points)
+            near = half * _APART
+            around += [(at(s - near), at(s + near)) for s in middles.tolist()]
+            every += (half * weights).tolist()
+        free = moves.copy()
+        free[supports.prescribed] = 0.0
+        free = plain(free, supports.turn)
+        return Course(start.u, self.move, free, around, np.array(every))
 
     @property
     def misses_sliding(self) -> bool:
         """True if this share is above the limit."""
         return self.missed_sliding > _MISSED_WORK
+
+    @property
+    def crosses_outline(self) -> bool:
+        """True if nodes cross the outline of a tool in a step that is too long."""
+        u, t, p = self.u, self.problem.load_factor, self.parameters
+        return any(x.crosses_outline(u, t, p[x.name]) for x in self.problem.contacts)
 
     @property
     def waits_for_tools(self) -> bool:

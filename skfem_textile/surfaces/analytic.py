@@ -27,6 +27,9 @@ Vector: TypeAlias = ArrayLike
 #: Lower bound in mm of a distance from an axis or a centre used as a divisor.
 TINY = 1e-300
 
+# Largest length in mm, whose square is finite.
+_LARGEST = 1e100
+
 
 class _Checked:
     """Surface whose parameters are checked by their names, see `_CHECKS`."""
@@ -258,12 +261,26 @@ def positive_length(what: str, value: ArrayLike) -> float:
     number = real_numbers(what, value)
     if number.shape or not (np.isfinite(number) and number > 0):
         raise ValueError(f"{what} must be a positive length in mm, got {value!r}")
+    _refuse_huge(what, number)
     return float(number)
+
+
+def _place(what: str, value: Vector) -> ndarray:
+    """Point in mm."""
+    point = three_numbers(what, value)
+    _refuse_huge(what, point)
+    return point
+
+
+def _refuse_huge(what: str, lengths: ndarray) -> None:
+    """Refuse lengths whose squares may not be finite."""
+    if (most := float(np.abs(lengths).max())) > _LARGEST:
+        raise ValueError(f"{what} is {most:g} mm: check its unit")
 
 
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     **dict.fromkeys(("radius", "tube", "fillet"), positive_length),
-    **dict.fromkeys(("point", "centre"), three_numbers),
+    **dict.fromkeys(("point", "centre"), _place),
     **dict.fromkeys(("axis", "normal"), _unit),
     "angle": _acute,
 }
@@ -381,6 +398,9 @@ def _dome(
     waist: float,
     valley: float,
 ) -> Height:
+    x, y = (
+        np.clip(at, -_BEYOND * a, _BEYOND * a) for at, a in ((x, length), (y, width))
+    )
     narrow = waist * np.exp(-((x / valley) ** 2))
     b = width * (1 - narrow)
     b_x = width * narrow * 2 * x / valley**2
@@ -404,6 +424,10 @@ def _dome(
         yy=(q_y**2 - q_yy) * e,
     )
 
+
+# Distance relative to a length beyond which functions have their limits: exp(−r⁴) is 0,
+# and arctan and 1/(1 + r²) change by round-off.
+_BEYOND = 1e20
 
 # Slope of the level along the axis.  The level on the axis of a die remains above 0.7
 # of the radius, and on the axis of a punch below -0.6 of it.
@@ -538,7 +562,7 @@ def _depth(z: ndarray, radius: float) -> tuple[ndarray, ndarray, ndarray]:
     It is so small that φ does not change its sign on the axis, and its slope is not
     zero there.
     """
-    s = z / radius
+    s = np.clip(z / radius, -_BEYOND, _BEYOND)
     slope = _SLOPE / (1 + s**2)
     bend = -2 * slope * s / (1 + s**2) / radius
     return _SLOPE * radius * np.arctan(s), slope, bend

@@ -120,6 +120,18 @@ class GrowingSurface:
         return self.t * self.surface.hessian(p + self.t * (x - p))
 
 
+def triangle_sums(surface: Surface) -> ndarray:
+    """Numbers that identify the triangles of a surface, shape (9,).
+
+    Sums of their corners with different weights; empty for a surface without triangles.
+    """
+    facets: Any = getattr(surface, "facets", None)
+    if facets is None:
+        return np.empty(0)
+    corners = facets.points[:, facets.triangles()]
+    return np.ravel(corners @ np.sin(np.arange(1, corners.shape[-1] + 1)))
+
+
 def distance(surface: Surface, x: ndarray) -> ndarray:
     """Signed distance from a surface to first order, shape (n,), in mm."""
     return surface.level(x) / np.linalg.norm(surface.gradient(x), axis=0)

@@ -68,6 +68,8 @@ class Contact:
         tool.
     x, s
         Last places and friction forces of the points in the axes of the tool.
+    t, N
+        Last load factor and normal forces.
     work
         Work of sliding in N·mm.
     """
@@ -79,6 +81,8 @@ class Contact:
     amount: Any
     x: ndarray
     s: ndarray
+    N: ndarray
+    t: float = 0.0
     work: float = 0.0
 
     def normal(self, x: ndarray, t: float) -> tuple[ndarray, ndarray]:
@@ -101,10 +105,11 @@ class Contact:
 
     def slid(
         self, x: ndarray, t: float, n: ndarray, normal_force: ndarray
-    ) -> tuple[ndarray, ndarray, ndarray]:
+    ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
         """Friction forces by Coulomb's law, in the axes of the ply, and slips.
 
-        The last is the length of the slip beyond the elastic one.
+        The third is the length of the slip beyond the elastic one, the last the work of
+        sliding of each point in the step.
 
         A point that stuck is tied to its place by an elastic slip; its force is
         shortened to the bound where it exceeds it.
@@ -112,8 +117,8 @@ class Contact:
         R, c = self.motion(t)
         at, n = R.T @ (x - c[:, None]), R.T @ n
         bound = self.mu(t) * normal_force
-        moved = at - self.x
-        moved = moved - n * (n * moved).sum(axis=0)
+        chord = at - self.x
+        moved = chord - n * (n * chord).sum(axis=0)
         before = self.s - n * (n * self.s).sum(axis=0)
         before = _shortened(before, bound)
         trial = before + bound / self.slip * moved
@@ -121,9 +126,44 @@ class Contact:
         excess = np.linalg.norm(trial, axis=0) - np.linalg.norm(force, axis=0)
         stiffness = np.where(bound > 0, bound / self.slip, 1.0)
         slid = np.maximum(excess, 0.0) / stiffness
-        self.work += float(np.linalg.norm(force, axis=0) @ slid)
-        self.x, self.s = at, force
-        return R @ force, R @ moved, slid
+        far = np.linalg.norm(moved, axis=0) - self.slip
+        slid = np.where(bound > 0, slid, np.maximum(far, 0.0))
+        rounds = (slid > 0) & (bound > 0) & (self.N > 0)
+        slid += np.where(rounds, self._longer(chord, moved), 0.0)
+        lost = self.mean_bound(x, t, R @ n, normal_force) * slid
+        self.work += float(lost.sum())
+        self.x, self.s, self.t, self.N = at, force, t, normal_force
+        return R @ force, R @ moved, slid, lost
+
+    def _longer(self, chord: ndarray, moved: ndarray) -> ndarray:
+        """Length of arcs with chords, less their projections on the tangent planes.
+
+        The angle between a chord and the tangent is half the angle of its arc.
+        """
+        if isinstance(self.term, HolderPressure):
+            return np.zeros(chord.shape[1])
+        length, along = (np.linalg.norm(x, axis=0) for x in (chord, moved))
+        angle = 2 * np.arccos(np.clip(along / np.maximum(length, 1e-300), 0.0, 1.0))
+        bent = angle > 0
+        radius = length / np.where(bent, 2 * np.sin(angle / 2), 1.0)
+        return np.where(bent, radius * angle, length) - along
+
+    def mean_bound(self, x: ndarray, t: float, n: ndarray, N: ndarray) -> ndarray:
+        """Bounds averaged over the slip of a step, within which they are linear.
+
+        A tool that leaves a point is followed by it along the normal n, at first.
+        """
+        # Coefficients of phases jump at their ends.
+        mean = 0.5 * (self.mu(min(self.t + 1e-9, t)) * self.N + self.mu(t) * N)
+        if isinstance(self.term, HolderPressure):
+            return mean
+        (R_0, c_0), (R, c) = self.motion(self.t), self.motion(t)
+        x_0 = R_0 @ self.x + c_0[:, None]
+        tool = -(n * (R @ self.x + c[:, None] - x_0)).sum(axis=0)
+        point = -(n * (x - x_0)).sum(axis=0)
+        tool, point = np.maximum(tool, 0.0), np.maximum(point, 0.0)
+        share = np.clip((point + self.slip) / (tool + self.slip), 0.0, 1.0)
+        return np.where(N > 0, mean, share * mean)
 
     def works(
         self,
@@ -251,7 +291,7 @@ class Oracle:
             R, c = motion(0.0)
             at, mu = R.T @ (self._X - c[:, None]), frictions[term.name]
             given = mu, slip, amounts.get(term.name)
-            self.contacts.append(Contact(term, motion, *given, at, 0 * at))
+            self.contacts.append(Contact(term, motion, *given, at, 0 * at, 0 * at[0]))
         self._size = float(np.ptp(self._X, axis=1).max())
         self.worst = dict.fromkeys(LIMITS, 0.0)
         self.missed = self.excess = self.moved = 0.0
@@ -325,11 +365,10 @@ class Oracle:
         u, t, p = state.u, state.load_factor, state.parameters[one.term.name]
         N = one.term.forces(u, t, p)
         gap, n = one.normal(x, t)
-        friction, moved, slid = one.slid(x, t, n, N)
+        friction, moved, slid, lost = one.slid(x, t, n, N)
         bound = one.mu(t) * N
         size = (friction**2).sum(axis=0)
         stored = self._slip * size / np.where(bound > 0, 2 * bound, 1.0)
-        lost = np.linalg.norm(friction, axis=0) * slid
         return Touch(n * N, friction, bound, moved, slid, gap, stored.sum(), lost)
 
     def _judge_tool(

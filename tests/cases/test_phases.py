@@ -214,6 +214,8 @@ def test_tools_that_no_phase_states_are_tools_of_it_too():
         ("friction", 0.1),
         ("holder_gap_mm", 0.2),
         ("holder_pressure_N_per_mm2", 0.1),
+        ("holder_force_N", 1.0),
+        ("holder_compaction", HOLDER["compaction"]),
         ("centre_mm", [30, 0]),
         ("travel_mm", 75),
     ],

@@ -22,11 +22,13 @@ from skfem_textile.cases.sweep import (
     CaseSweep,
     _value_at,
     axis_of,
+    legible,
     resolved_case,
     run_variants,
     variants,
 )
 from skfem_textile.cases.write import case_text
+from skfem_textile.declarations import words
 from skfem_textile.scenes import Case
 from skfem_textile.solve.result import StepError
 from tests.helpers import refused
@@ -298,14 +300,32 @@ def test_values_of_any_kind_are_written_to_a_case():
     assert '"a.c" = [true, false]' in text
 
 
-def test_a_picture_has_numbers_for_tables_and_rows():
+def test_tables_and_rows_are_shown_by_their_last_value():
+    """With a number if several are equal."""
     key = "phases.up.tools.holder.force_N"
-    tables = [{"travel_of": "punch", "rows": [[0, 2], [9, last]]} for last in (5, 7)]
-    vary = {key: (*tables, 5.0, [0, 1])}
-    rows = [{key: value, "reason": ""} for value in vary[key]]
-    values, _, _ = CaseSweep(vary, rows).drawn
-    shown = ["value 1", "value 2", 5.0, [0, 1]]
+    ends = (5, 5), (2, 7), (3, 7)
+    tables = [{"travel_of": "punch", "rows": [[0, x], [9, y]]} for x, y in ends]
+    law = {"law": "locking", "stiffness_N_per_mm": 0.1}
+    vary = {key: (*tables, 5.0, [0, 1], [[0.25, 2], [1, 6.5]], law)}
+    rows = [{key: value, "reason": "late"} for value in vary[key]]
+    swept = CaseSweep(vary, rows)
+    over = "over punch"
+    shown = [f"to 5 {over}", f"to 7 {over} (1)", f"to 7 {over} (2)", 5.0, [0, 1]]
+    shown += ["to 6.5", "locking"]
+    values, _, _ = swept.drawn
     assert values == {"Holder force in phase up (N)": shown}
+    assert legible(swept.in_words, [key])[0] == [f"to 5 {over}"]
+    assert swept.incomplete[1] == f"{key}=to 7 {over} (1): late"
+
+
+def test_keys_in_quotation_marks_are_the_same_keys():
+    """As in TOML."""
+    quoted = """phases."close".tools.'*'.friction"""
+    key = "phases.close.tools.*.friction"
+    assert words.setting(f"{quoted}=0.1") == (key, 0.1)
+    assert words.variation(f"{quoted}=0.1,0.2") == (key, [0.1, 0.2])
+    assert varied({quoted: [0.1, 0.2]}) == {key: (0.1, 0.2)}
+    assert words.setting("""tools.a"b.side="1" """)[0] == 'tools.a"b.side'
 
 
 @pytest.mark.parametrize(

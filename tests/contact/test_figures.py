@@ -11,6 +11,7 @@ from skfem_textile import (
     Condition,
     Fabric,
     Full,
+    Holder,
     LoadStepper,
     Macro,
     OnePoint,
@@ -39,6 +40,7 @@ from skfem_textile.contact import (
 )
 from skfem_textile.contact.figures import mirror_images
 from skfem_textile.contact.risks import bridging, wrinkle_risk
+from skfem_textile.contact.tool import deepest_of
 from skfem_textile.io.results import fields_between_tools
 
 R = 50.0
@@ -97,6 +99,40 @@ def flat():
     ply = square(terms=[Tool(drape.Plane(), side=1)], n=1)
     edges = {name: Condition(name) for name in ("left", "right", "top", "bottom")}
     FLAT = LoadStepper(ply, edges, steps=1).run().states[-1]
+
+
+UP, DOWN, FAR = ({"motion": (0, 0, z)} for z in (6, -6, 40))
+BACK = {"motion": (0, 0, -40)}
+OPENINGS = {
+    "punch and holder": ("punch", {"punch": UP}, {"punch": BACK, "holder": BACK}),
+    "die": ("punch", {"punch": UP}, {"die": FAR}),
+    "die over a punch": (
+        "die",
+        {"die": DOWN, "holder": DOWN},
+        {"die": FAR, "holder": BACK},
+    ),
+    "gap": ("punch", {"punch": UP, "holder": {"gap": 0.2}}, {"holder": {"gap": 9}}),
+}
+
+
+@pytest.mark.parametrize(("driven", "closed", "opened"), OPENINGS.values())
+def test_tools_open_further_than_the_punch_has_moved(driven, closed, opened):
+    """The state before they open is described, by the tool that went deepest."""
+    tools = [
+        Tool(drape.Plane((30, 30, -0.1)), side=1, name="punch"),
+        Tool(drape.Plane((30, 30, 0.1)), side=-1, name="die"),
+        Holder(drape.Plane((30, 30, 0.1)), gap=0.4, side=-1, name="holder"),
+    ]
+    hold = Phase("hold", 1)
+    process = Process([Phase("close", 1, closed), hold, Phase("o", 1, opened)], tools)
+    states = [SimpleNamespace(load_factor=i / 3) for i in range(4)]
+    result = SimpleNamespace(ply=square(terms=process.tools), states=states)
+    assert figures.driven_tool(result) == driven
+    assert figures.last_closed(result) == 2
+    assert deepest_of(process.tools, result.ply.mesh.p) == driven
+    directions = figures._directions(result)
+    assert directions["holder"].tolist() == [0, 0, 1]  # pressed from below
+    assert directions["die"][2] == (-1 if driven == "die" else 1)
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS)

@@ -92,6 +92,14 @@ def test_invalid_laws_of_compaction(make, message):
             lambda: punch(motion=lambda t: (2 * np.eye(3), np.zeros(3))),
             "not a rotation",
         ),
+        (
+            lambda: Holder(drape.Plane(), gap=1.0, side=1, name="a\\b"),
+            "tool 'a.*b': the name contains .*, which names of files and columns can",
+        ),
+        (
+            lambda: punch(motion=(0, 0, -1e200)),
+            r"'punch': motion is 1e\+200 mm at load factor 1: check its unit",
+        ),
         (lambda: punch(outline=[[0, 1], [0, 1]]), "at least three corners"),
         (lambda: Tool(drape.Plane()), "in the plane of the undeformed ply"),
         (
@@ -335,7 +343,7 @@ def test_tools_do_not_apply_to_plane_and_draped_plies(name):
 def test_a_holder_has_a_gap_or_a_pressure_and_a_flange_to_press_on(files, flanged):
     punch, die = map(read_surface, files)
     for tools, options, message in (
-        (flanged, {"gap": 0.3, "pressure": 0.1}, "either a gap or a pressure"),
+        (flanged, {"gap": 0.3, "pressure": 0.1}, "either a gap, a pressure or a force"),
         ((punch, die), {"pressure": 0.1}, "no flat flange at z = 500.011 mm on which"),
         (flanged, {"pressure": -0.1}, "pressure must be a number of at least 0 N/mm2"),
     ):

@@ -14,7 +14,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Fabric, OnePoint
 from skfem_textile.cli import main as cli
-from skfem_textile.contact import contacts
+from skfem_textile.contact import Compaction, contacts
 from skfem_textile.drape import TriangleMesh
 from skfem_textile.io import read_surface
 from skfem_textile.scenes import (
@@ -226,6 +226,31 @@ def test_without_pressure_a_holder_has_no_force(flanged):
     assert figures["converged"]
     assert figures["holder_force_N"] == 0
     assert figures["punch_force_N"] == pytest.approx(-figures["die_force_N"])
+
+
+@pytest.mark.parametrize(
+    ("build", "edge"), [(hemisphere_forming, 50.0), (double_dome_forming, 80.0)]
+)
+def test_a_holder_of_a_scene_presses_beyond_the_opening_with_its_force(build, edge):
+    """Beyond the fillet, or where the die is flat; beside the centre of the ply too."""
+    options = {"radius": 40.0} if build is hemisphere_forming else {}
+    for centre in (0.0, 0.0), (10.0, 0.0):
+        scene = build(
+            **{"width": 240.0, "height": 300.0, "size": (6, 6), "part": "whole"},
+            **options,
+            centre=centre,
+            force=5.0,
+            compaction=Compaction(0.3, 1e-3, 8.0),
+        )
+        ply = case(scene).ply()
+        (holder,) = (x for x in ply.terms if x.name == "holder")
+        p = ply.parameters_at_rest["holder"]
+        force = holder.forces(ply.basis.zeros(), 0.0, p)
+        assert force.sum() == pytest.approx(5.0)
+        x, y = ply.nodes[:, force > 0] + np.array(centre)[:, None]
+        element = 300 / 12
+        assert np.hypot(x, y).min() > edge - element
+        assert np.abs(y).max() == pytest.approx(150.0)
 
 
 def irregular(height, radius, rng, offset=0.0):

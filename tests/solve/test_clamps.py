@@ -475,6 +475,7 @@ def test_a_condition_ends_before_a_punch_moves():
     ("clamp", "message"),
     [
         (Clamp("north", K), "no boundary 'north'"),
+        (Clamp("top", K, name="a/b"), "the name contains '/', which names of files"),
         (Clamp([7], K), "no edge of the boundary between the selected nodes"),
         (Clamp(lambda X: X[1] < -1, K), "where selects no nodes"),
         (
@@ -516,7 +517,7 @@ def test_a_condition_ends_before_a_punch_moves():
 def test_bad_input_is_refused_in_one_line(clamp, message):
     with pytest.raises(ValueError, match=re.escape(message)) as refused:
         strip(clamp)
-    assert str(refused.value).startswith("clamp 'clamp'")
+    assert str(refused.value).startswith(f"clamp {clamp.name!r}")
     assert "\n" not in str(refused.value)
 
 

@@ -132,6 +132,25 @@ def test_a_die_has_a_gradient_and_no_singular_curvature_on_its_axis():
         assert (off > 1e-6).sum() <= 3  # the curvature jumps where the wall begins
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "surface", [drape.Die(80.0, 10.0), drape.Punch(30.0), drape.double_dome()]
+)
+def test_surfaces_are_finite_far_away(surface):
+    far = 1e152 * np.array([[1, 0, 0, 1], [0, -1, 0, 1], [0, 0, 1, -1]])
+    for method in "level", "gradient", "hessian":
+        assert np.isfinite(getattr(surface, method)(far)).all()
+    on_axis = np.array([[0.0], [0.0], [1e160]])
+    assert np.isfinite(surface.hessian(on_axis)).all()
+
+
+def test_lengths_in_another_unit_are_refused():
+    with pytest.raises(ValueError, match=r"^sphere: centre is 1e\+155 mm: check its"):
+        drape.Sphere(30.0, (0, 0, -1e155))
+    with pytest.raises(ValueError, match=r"^die: radius is 1e\+200 mm: check its unit"):
+        drape.Die(1e200, 3.0)
+
+
 def test_a_surface_grows_out_of_its_tangent_plane():
     x, sphere = RNG.uniform(-1, 1, (3, 9)), drape.Sphere(4.0, (0, 0, -4))
     np.testing.assert_allclose(GrowingSurface(sphere, np.zeros(3), 0.0).level(x), x[2])

@@ -189,7 +189,7 @@ def test_files_of_another_format_are_rejected_in_one_line(run):
     forge(run, 1, with_value(("work",), {"stabilisation": 0.0}))
     forge(run, 0, with_value(("format",), 7))
     assert refusal(run) == (
-        f"checkpoint {run} belongs to another run: format was 7 and is now 10; use the "
+        f"checkpoint {run} belongs to another run: format was 7 and is now 11; use the "
         "arguments of that run, or another folder"
     )
 
