@@ -161,8 +161,9 @@ class FabricOnBasis:
         self, basis: CellBasis, fabric: Fabric, means: MeanBasis | None = None
     ) -> None:
         self.basis, self.fabric, self.means = basis, fabric, means
-        # Gradients of the shape functions and directions, by the points' coordinates.
-        self._gradients: dict[bytes, ndarray] = {}
+        # By the points' coordinates: gradients of the shape functions in the reference
+        # element with inverse Jacobian matrices, and directions.
+        self._gradients: dict[bytes, tuple[ndarray, ndarray]] = {}
         self._directions: dict[bytes, tuple[ndarray, ndarray]] = {}
         self.mesh, elements = basis.mesh, basis.tind
         self._element = None if elements is None else elements[:, None]
@@ -216,12 +217,13 @@ class FabricOnBasis:
         vector: Any = basis.elem
         scalar, key = vector.elem, xi.tobytes()
         n_nodes = len(scalar.doflocs)
-        if (dN := self._gradients.get(key)) is None:
+        if key not in self._gradients:
             dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
-            self._gradients[key] = dN
+            where = xi[:, :1] if basis.mesh.affine else xi  # constant in triangles
+            self._gradients[key] = dN, basis.mapping.invDF(where, basis.tind)
+        dN, inverse = self._gradients[key]
         nodal = u[basis.element_dofs].reshape(n_nodes, vector.dim, -1)
         du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
-        inverse = basis.mapping.invDF(xi, basis.tind)
         return np.einsum("ijnq,jknq->iknq", du_dxi, inverse)
 
     def deformation_gradient(

@@ -30,7 +30,7 @@ from skfem import (
     MeshTri,
 )
 
-from .scikit_fem import get_quadrature, set_element_dofs, set_positions
+from .scikit_fem import get_quadrature, jacobian, set_element_dofs, set_positions
 from .user_input import with_article
 
 #: One point at the centre, weighted with the exact area of a bilinear quadrilateral.
@@ -54,11 +54,16 @@ class QuadMapping(MappingIsoparametric):
     """Mapping of a `skfem.MeshQuad` whose inverse is accurate to round-off.
 
     The iteration of scikit-fem ends at a change of the reference coordinates below
-    1e-12, which round-off exceeds in elements that are small relative to the mesh.
+    1e-12, which round-off exceeds in elements that are small relative to the mesh.  Its
+    Jacobian matrices, 128 bytes per element with four points, are not kept.
     """
 
     def __init__(self, mesh: Any) -> None:
         super().__init__(mesh, mesh.elem(), mesh.bndelem)
+
+    def J(self, i: int, j: int, X: ndarray, tind: ndarray | None = None) -> ndarray:
+        """Component of the Jacobian matrix, which scikit-fem would keep."""
+        return jacobian(self, i, j, X, tind)
 
     def invF(
         self,
@@ -272,11 +277,9 @@ class HourglassBasis(DisplacementBasis):
 
         Shape (4, 2, n_elements, 4).
         """
-        scalar: Any = self.elem
-        at = self.mapping, self.X
-        fields = [scalar.elem.gbasis(*at, i, self.tind)[0] for i in range(4)]
-        centre = np.array([centre_grad(field) for field in fields])
-        return centre + np.array([field.grad for field in fields]), centre
+        centre, at_points = (gradients_at(self, X) for X in (CENTRE[0], self.X))
+        # With the rounding of the fields of the element.
+        return centre + (at_points - centre), np.broadcast_to(centre, at_points.shape)
 
 
 def _fluctuating(element: Any) -> Element:
@@ -296,8 +299,16 @@ def function_gradients(basis: Any) -> ndarray:
     if type(basis) not in (DisplacementBasis, MeanBasis):
         functions = basis.basis[:: components(basis)]
         return np.array([np.asarray(field.grad)[0] for (field, *_) in functions])
-    nodes, inverse = basis.elem.elem, basis.mapping.invDF(basis.X, basis.tind)
-    local = (nodes.lbasis(basis.X, i)[1] for i in range(len(nodes.doflocs)))
+    return gradients_at(basis, basis.X)
+
+
+def gradients_at(basis: Any, X: ndarray) -> ndarray:
+    """Gradients of the functions of one component at points of the reference element.
+
+    Shape (n_nodes, 2, n_elements, n_points).
+    """
+    nodes, inverse = basis.elem.elem, basis.mapping.invDF(X, basis.tind)
+    local = (nodes.lbasis(X, i)[1] for i in range(len(nodes.doflocs)))
     return np.array([np.einsum("ijkl,il->jkl", inverse, x) for x in local])
 
 

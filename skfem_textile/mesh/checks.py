@@ -8,7 +8,7 @@ from numpy import ndarray
 from skfem import Element, ElementQuad1, ElementTriP1, Mesh
 from skfem.helpers import det
 
-from .bases import GAUSS
+from .bases import GAUSS, QuadMapping
 from .overlap import boundary_of, cells_within, is_convex, overlap_of
 from .scikit_fem import with_names
 from .selection import named_nodes
@@ -66,12 +66,14 @@ def check_mesh(mesh: Mesh) -> None:
     cell = _CELLS[mesh.elem]
     refuse_nodes(mesh.p, [mesh.t], cell)
     gauss, _ = GAUSS
-    unused = np.setdiff1d(np.arange(mesh.p.shape[1]), mesh.t)
+    unused = np.ones(mesh.p.shape[1], dtype=bool)
+    unused[mesh.t] = False
     refuse(f"node(s) belong to no {cell}", unused, "remove them")
     crowded = (np.bincount(mesh.t2f.ravel()) > 2)[mesh.t2f].any(axis=0)
     shared = f"{cell}(s) share an edge with more than one other {cell}"
     refuse(shared, crowded, "keep one layer")
-    jacobian = det(mesh.mapping().DF(gauss))  # constant for a triangle
+    mapping = QuadMapping(mesh) if cell == "quadrilateral" else mesh.mapping()
+    jacobian = det(mapping.DF(gauss))  # constant for a triangle
     turn = np.sign(jacobian.sum(axis=1))
     x = mesh.p[:, mesh.t]
     length = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)

@@ -47,6 +47,11 @@ def set_positions(basis: AbstractBasis, x: ndarray) -> None:
     basis._global_coordinates = DiscreteField(x)
 
 
+def jacobian(mapping: Any, i: int, j: int, X: ndarray, tind: Any = None) -> ndarray:
+    """Component of the Jacobian matrices of an isoparametric mapping, not cached."""
+    return mapping._J(i, j, X, tind)
+
+
 class OwnAssembly:
     """Mixin for forms that check their parameters or compute their entries themselves.
 

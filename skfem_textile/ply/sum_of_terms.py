@@ -321,9 +321,8 @@ class SumOfTerms(FabricOnBasis):
         terms, d, f = self._terms if terms is None else terms, self._d, np.zeros(len(u))
         for states in self._states(terms, u, p):
             (x, *_), local = states.values(), element_forces(states.values())
-            nodes = x.group.nodes.ravel()
             for i in range(d):
-                f[i::d] += np.bincount(nodes, local[:, i].ravel(), len(f) // d)
+                f[i::d] += x.group.sum_at_nodes(local[:, i], len(f) // d)
         for term in terms:
             if term not in self._kinds.by_kernel:
                 f = f + term.residual(u, t, p.get(term.name, NO_VALUES))

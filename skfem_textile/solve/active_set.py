@@ -292,7 +292,7 @@ class ActiveSet(Direction):
             shifted = blocks.copy()
             shifted[nodes] += shift * unit
             with suppress(NoEquilibriumError):  # it is singular
-                tangent = Tangent(self.problem, u, shifted)
+                tangent = Tangent(self.problem, u, shifted.view)
                 if tangent.definite:
                     return tangent, shift
             if shift:

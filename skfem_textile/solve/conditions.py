@@ -307,7 +307,9 @@ class Constraints:
         self.fixed = self.prescribed
         if self.surfaces:
             self.fixed = np.union1d(self.prescribed, self.surfaces.eliminated)
-        self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
+        free = np.ones(basis.N, dtype=bool)
+        free[self.fixed] = False
+        self.free = np.flatnonzero(free)
 
     def _resolve(self, basis: CellBasis) -> None:
         """Choose the prescribed unknowns."""

@@ -357,8 +357,8 @@ class Attempt:
         Number of projected tangents.
     is_balanced
         True if the last iteration has converged.
-    tangent
-        Tangent of the last increment.
+    round_off
+        Round-off of the forces in N after the last iteration.
     """
 
     problem: Problem
@@ -369,7 +369,7 @@ class Attempt:
     projected: int = 0
     tolerance: float = 0.0
     is_balanced: bool = False
-    tangent: Tangent | None = None
+    round_off: float = 0.0
 
     def record(self, tangent: Tangent, at: Iterate) -> bool:
         """Record an iteration by a tangent; True if the forces balance after it.
@@ -379,7 +379,8 @@ class Attempt:
         """
         problem, u, f = self.problem, at.u, at.f
         self.residuals.append(problem.unbalanced(f, u))
-        self.tolerance, self.tangent = tangent.tolerance(u, f, at.parameters), tangent
+        self.tolerance = tangent.tolerance(u, f, at.parameters)
+        self.round_off = tangent.round_off(u)
         self.projected += tangent.projected
         self.report(len(self.residuals), self.residuals[-1], self.tolerance)
         if self.projected > self.most_projected:
@@ -404,8 +405,7 @@ class Attempt:
         residual, tolerance = self.residuals[-1], self.tolerance
         if not self.is_balanced:
             advice = "more steps, or a larger stabilisation"
-            assert self.tangent
-            if residual <= _STALLED * max(tolerance, self.tangent.round_off(u)):
+            if residual <= _STALLED * max(tolerance, self.round_off):
                 advice = LESS_ROUNDING
             elif problem.surfaces:
                 advice = _ON_SURFACE
@@ -436,7 +436,9 @@ def iterate(
         increment = direction.increment(at, attempt.fixed_values)
         at, increment = globalisation(at, increment)
         at = update(direction.after(at, increment), increment.tangent)
-        if attempt.record(increment.tangent, at):
+        balanced = attempt.record(increment.tangent, at)
+        del increment  # and its factors, before the next ones
+        if balanced:
             tangent = tangent_at(attempt.problem, at.u, at.parameters)
             return at._replace(tangent=tangent)
     return at._replace(tangent=direction.tangent(at))

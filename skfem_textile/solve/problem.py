@@ -4,6 +4,7 @@ A tangent is assembled, reduced to the free unknowns and factorised.  On a surfa
 it is the second derivative of the energy less λ∇²φ, see `SurfaceNodes`.
 """
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,11 +17,12 @@ from scipy.sparse import csc_matrix, csr_matrix
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
-from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
+from ..ply.terms import ContactTerm
 from .conditions import Constraints, plain, reactions, turned
+from .contact_points import with_open_gaps
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
-from .linear.system import System, reduced
+from .linear.system import System, largest_row, reduced
 from .states import NoEquilibriumError
 from .surface_nodes import SurfaceNodes
 
@@ -291,9 +293,8 @@ class Problem:
 
     def at(self, load_factor: float, propping: ndarray | float = 0.0) -> "Problem":
         """The same problem, with the same clock, at another load factor."""
-        _ = self.system, self._size  # so that both share them
-        if self.contacts:
-            _ = self._of_points
+        # So that both share them.
+        _ = self.system, self._size, self.contacts and self._of_points
         other = copy(self)
         other.load_factor, other.propping = load_factor, propping
         return other
@@ -447,8 +448,8 @@ class Tangent:
     ----------
     problem, u
         The problem, and the displacement.
-    blocks
-        Its blocks, in the order of the pattern of the ply.
+    assemble
+        Computes its blocks; kept only with nodes on surfaces, which need them again.
 
     Raises
     ------
@@ -456,17 +457,20 @@ class Tangent:
         If the tangent is singular.
     """
 
-    def __init__(self, problem: Problem, u: ndarray, blocks: ndarray) -> None:
+    def __init__(self, problem: Problem, u: ndarray, assemble: Callable) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
-        self._u, self._blocks, self._turn = u, blocks, problem.turn(u)
-        self.projected = False
+        self._u, self._computed, self._turn = u, assemble, problem.turn(u)
+        self.projected, blocks = False, assemble()
+        if problem.surfaces:
+            self._blocks = blocks
         if not np.isfinite(blocks.sum()):
             raise NoEquilibriumError("the tangent is not finite", advice=NOT_FINITE)
-        self._matrix = clock.time("assembly", reduced, system, blocks, self._turn)
+        matrix = clock.time("assembly", reduced, system, blocks, self._turn)
+        self._coupling, self._largest_row = matrix.coupling, largest_row(system, matrix)
         factorise = system.solver.factorise
         clock.factorisations += 1
         try:
-            self._factors = clock.time("solve", factorise, self._matrix.upper.data)
+            self._factors = clock.time("solve", factorise, matrix.upper.data)
         except SingularMatrixError:
             raise problem.singular() from None
         self.definite: bool = self._factors.definite
@@ -500,15 +504,24 @@ class Tangent:
             See `Ply.stiffness`.
         """
         t, surfaces = problem.load_factor, problem.surfaces
-        arguments = u, t, parameters, tension, positive, stretched
-        blocks = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
-        if contact_forces is None and surfaces:
-            f = problem.nodal(problem.residual(u, parameters))
-            contact_forces = surfaces.forces(u, t, f)
-        blocks = problem.curved(u, blocks, surfaces, contact_forces)
-        if problem.contacts:
-            blocks = _between_tools(problem, u, parameters, blocks)
-        return cls(problem, u, blocks)
+
+        def assemble() -> ndarray:
+            forces = contact_forces
+            arguments = u, t, parameters, tension, positive, stretched
+            blocks = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
+            if forces is None and surfaces:
+                f = problem.nodal(problem.residual(u, parameters))
+                forces = surfaces.forces(u, t, f)
+            blocks = problem.curved(u, blocks, surfaces, forces)
+            if problem.contacts:
+                blocks = with_open_gaps(problem, u, parameters, blocks, OPPOSITE)
+            return blocks
+
+        return cls(problem, u, assemble)
+
+    @cached_property
+    def _blocks(self) -> ndarray:
+        return self._computed()
 
     @cached_property
     def negative_pivots(self) -> int | None:
@@ -531,7 +544,7 @@ class Tangent:
         if problem.surfaces:
             du = plain(dq, constraints.turn)
             dq = turned(problem.surfaces.motion(u, problem.load_factor, du), turn)
-        b = -(turned(f, turn)[free] + self._matrix.coupling @ dq[constraints.fixed])
+        b = -(turned(f, turn)[free] + self._coupling @ dq[constraints.fixed])
         dq[free] = self._solve(b)
         return plain(dq, turn)
 
@@ -545,7 +558,7 @@ class Tangent:
         for i, motion in enumerate(motions):
             dq = turned(motion, turn)
             fixed = dq[problem.constraints.fixed]
-            dq[problem.constraints.free] = self._solve(-self._matrix.coupling @ fixed)
+            dq[problem.constraints.free] = self._solve(-self._coupling @ fixed)
             motions[i] = plain(dq, turn)
         return motions
 
@@ -566,7 +579,7 @@ class Tangent:
         free, fixed = problem.constraints.free, problem.constraints.fixed
         motion, after, before = np.zeros_like(f), np.zeros_like(f), turned(f, turn)
         motion[free] = self._solve(-before[free])
-        after[fixed] = before[fixed] + self._matrix.coupling.T @ motion[free]
+        after[fixed] = before[fixed] + self._coupling.T @ motion[free]
         return plain(motion, turn), plain(after, turn)
 
     def response(
@@ -641,42 +654,6 @@ class Tangent:
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
         return float(ROUNDINGS * EPSILON * size * self._largest_row)
-
-    @cached_property
-    def _largest_row(self) -> float:
-        """Largest absolute row sum in N/mm."""
-        upper, coupling = self._matrix
-        entries, diagonal, n = np.abs(upper.data), upper.indptr[:-1], upper.shape[0]
-        rows = np.add.reduceat(entries, diagonal) - entries[diagonal]
-        rows += np.bincount(upper.indices, entries, n)
-        row = np.repeat(np.arange(n), np.diff(coupling.indptr))
-        rows += np.bincount(row, np.abs(coupling.data), n)
-        return float(rows.max(initial=0.0))
-
-
-def _between_tools(
-    problem: Problem, u: ndarray, parameters: PlyParameters, blocks: ndarray
-) -> ndarray:
-    """Add a small stiffness at open gaps if tools are on both sides of the ply.
-
-    Tools on one side restrain only nodes that touch them.
-    """
-    t = problem.load_factor
-    gap = np.concatenate([x.gaps(u, t, parameters[x.name]) for x in problem.contacts])
-    n = np.hstack([x.normals(u, t) for x in problem.contacts])
-    force, stiffness = (
-        np.concatenate([parameters[x.name][key] for x in problem.contacts])
-        for key in ("force", "stiffness")
-    )
-    reached, nearest = np.isfinite(gap), n[:, gap.argmin()]
-    if not (nearest @ n < OPPOSITE).any():
-        return blocks
-    off = reached & ~(force - stiffness * np.where(reached, gap, 0.0) > 0)
-    n, kappa = n[:, off], STIFFNESS_OF_GAP * stiffness[off]
-    nodes = np.flatnonzero(off) % problem.nodes.shape[1]
-    diagonal = problem.ply.pattern.diagonal[nodes]
-    np.add.at(blocks, diagonal, (kappa * n[:, None] * n).T)
-    return blocks
 
 
 def tangent_at(

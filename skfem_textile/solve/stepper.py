@@ -107,11 +107,10 @@ class LoadStepper:
     ------
     ValueError
         If a condition is not valid at some load factor, tools leave no room for the ply
-        or never touch it (see `check_tools`), the steps of a `Process` have other tools
-        than the ply, ``steps`` are not whole numbers
-        from 1 to a million, ``max_halvings`` not one from 0 to 30, a method or check is
-        unknown, the solver is unknown or not installed, or an argument has the wrong
-        type.
+        or never touch it (see `check_tools`), a `Process` has other tools than the ply,
+        ``steps`` are not whole numbers from 1 to a million, ``max_halvings`` not one
+        from 0 to 30, a method or check is unknown, the solver is unknown or not
+        installed, or an argument has the wrong type.
 
     Examples
     --------
@@ -534,22 +533,17 @@ class Run:
             growth = load_growth(problem, last, t) if loaded else 0.0
             self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
-        if found.crosses_outline and self.continuation.halves(step):
-            log.info("the step to load factor %g crosses an outline and is halved", t)
-            return
         state, settled = self._reached(found)
         projected = found.projected
         if driven and self._jumps(state):
             projected = MOST_PROJECTED + 1
         if problem.contacts:  # more steps do not resolve a path
             settled, projected = settled and not projected, 0
-        if self.continuation.accepts(step, state, projected, settled):
+        halved = found.crosses_outline and self.continuation.halves(step)
+        if not halved and self.continuation.accepts(step, state, projected, settled):
             self._append(state, found)
         else:
-            log.info(
-                "the step to load factor %g was difficult and is repeated as two steps",
-                t,
-            )
+            log.info("the step to load factor %g was difficult and is halved", t)
 
     @property
     def _lets_go(self) -> list[str]:
@@ -600,8 +594,8 @@ class Run:
         before = sum(state.linear_solves for state in self.states)
         state = found.state(self.problem.clock.solves - before)
         misses = found.misses_sliding or found.crosses_outline
-        resolved = not (misses or self._depends_on_steps(state))
-        return state, found.converged and resolved
+        depends = misses or self._depends_on_steps(state)
+        return state, found.converged and not depends
 
     def _jumps(self, state: State) -> bool:
         """True if the shear angle changes so much that a step may pass a limit load."""

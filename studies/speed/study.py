@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..common import provenance
 from ..common.figures import File, colour_of, panels_of
 from ..common.running import in_new_process
@@ -117,6 +119,37 @@ def scaling_table(results: Row) -> str:
     parts = [*(f"{part}, s" for part in PARTS), "solves"]
     peaks = ["peak of an iteration, GiB", "peak of the step, GiB"]
     return markdown_table(["solver", "elements", *parts, *peaks], lines)
+
+
+def choice_table(results: Row) -> str:
+    """Time and memory of an iteration by size, and ten times beyond the largest one.
+
+    Times grow by their exponent between the two largest sizes, memory by n log n.
+    """
+    solvers = {name: x["sizes"] for name, x in results["solvers"].items()}
+    first = next(iter(solvers.values()))
+    sizes = [row["elements"] for row in first]
+    lines = [
+        [thousands(n), *(_of_iteration(rows[i]) for rows in solvers.values())]
+        for i, n in enumerate(sizes)
+    ]
+    if len(sizes) > 1:
+        beyond = [_of_iteration(_beyond(*rows[-2:])) for rows in solvers.values()]
+        lines.append([f"{thousands(10 * sizes[-1])}, extrapolated", *beyond])
+    return markdown_table(["quadrilaterals", *(f"{x}: s, GiB" for x in solvers)], lines)
+
+
+def _of_iteration(row: Row) -> str:
+    return f"{row['iteration']:.2g}, {row['peak_GiB']:.2g}"
+
+
+def _beyond(small: Row, large: Row) -> Row:
+    """An iteration with ten times the elements of the larger of two sizes."""
+    n = small["elements"], large["elements"]
+    exponent = np.log(large["iteration"] / small["iteration"]) / np.log(n[1] / n[0])
+    growth = 10 * np.log(10 * n[1]) / np.log(n[1])
+    time, peak = large["iteration"] * 10**exponent, large["peak_GiB"] * growth
+    return {"iteration": time, "peak_GiB": peak}
 
 
 def factorisation_table(results: Row) -> str:
@@ -411,7 +444,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "needs": {"unused.md": unused_table},
     "modules": {"modules.md": modules_table},
     "iteration": {"iteration.md": iteration_table},
-    "scaling": {"scaling.md": scaling_table},
+    "scaling": {"scaling.md": scaling_table, "choice.md": choice_table},
     "factorisation": {"factorisation.md": factorisation_table},
     "profile": {"profile.md": profile_table},
     "small_runs": {"small_runs.md": small_runs.small_runs_table},

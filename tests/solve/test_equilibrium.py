@@ -2,6 +2,7 @@
 
 from functools import cache
 from types import SimpleNamespace
+from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve import newton, search
 from skfem_textile.solve.direction import Definite
 from skfem_textile.solve.linear import SOLVERS, superlu
-from skfem_textile.solve.problem import Evaluation
+from skfem_textile.solve.problem import Evaluation, Tangent
 from skfem_textile.solve.search import EquilibriumSearch, Target
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.verdict import Trial
@@ -82,6 +83,21 @@ def test_the_verdict_needs_one_factorisation_per_run():
     ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
     result = LoadStepper(ply, conditions, steps=5).run()
     assert result.factorisations == result.linear_solves + 1
+
+
+def test_only_the_tangent_of_the_last_state_is_kept_besides_a_new_one(monkeypatch):
+    """Matrices and factors of more tangents would be most of the memory of a run."""
+    known, numbers, initialise = WeakSet(), [], Tangent.__init__
+
+    def counted(tangent, *arguments):
+        numbers.append(len(known))  # while the new one is assembled and factorised
+        initialise(tangent, *arguments)
+        known.add(tangent)
+
+    monkeypatch.setattr(Tangent, "__init__", counted)
+    ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
+    LoadStepper(ply, conditions, steps=3).run()
+    assert max(numbers) == 1
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,9 @@ from ...mesh.bases import (
     components,
     element_numbers,
     function_gradients,
+    gradients_at,
 )
+from ...mesh.pattern import Sums
 
 if TYPE_CHECKING:
     from ...fabric import Fabric
@@ -123,7 +125,13 @@ class FibreDeformation:
 
         ∂ε·Δz = v·Δz, and v·z = 1.
         """
-        return (self.v * after.v).sum(axis=2) * after.squared_stretch - 1.0
+        products = (x * y for x, y in zip(self._along, after._along, strict=True))
+        return sum(products) * after.squared_stretch - 1.0
+
+    @property
+    def _along(self) -> ndarray:
+        """Components of v, shape (d, 2, P, n)."""
+        return np.moveaxis(self.v, 2, 0)
 
     def forces(self, stress: Stress, block: slice) -> ndarray:
         """T v + M ∂Γ of warp and weft with the stress of a block, (2, P, d, n)."""
@@ -261,7 +269,7 @@ class GeneralPoints:
         nodes: ndarray | None = None,
         n_nodes: int = 0,
     ) -> None:
-        self.A, self.dx = A.transpose(0, 3, 1, 2), dx
+        self.A, self.dx = A.transpose(0, 3, 1, 2).copy(), dx
         if d == 3:  # z = 0
             self.A = np.pad(self.A, ((0, 0), (0, 0), (0, 1), (0, 0)))
         b = A[:, None, 0] * dN[:, 0] + A[:, None, 1] * dN[:, 1]
@@ -459,7 +467,14 @@ class ElementGroup:
         self.area: ndarray = sum(p.dx.sum(axis=0) for p in points)
         starts = range(0, n, _BLOCK)
         self.blocks = [slice(i, min(i + _BLOCK, n)) for i in starts]
+        self._sums: Sums | None = None
         self._last: tuple[ndarray, list[FibreDeformation]] = np.empty(0), []
+
+    def sum_at_nodes(self, values: ndarray, n_nodes: int) -> ndarray:
+        """Sums over elements of values at their nodes, (n_nodes_of_element, n)."""
+        if self._sums is None:
+            self._sums = Sums(self.nodes, n_nodes)
+        return self._sums(values)
 
     def last_deformations(self, u: ndarray) -> list[FibreDeformation]:
         """Deformations at all points, kept for the last ``u``.
@@ -562,9 +577,7 @@ def hourglass_mode(basis: Any, dN: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     shape (4, 2, n, P), these are ∇N_a(0), shape (4, 2, n, 1), γ, shape (4, n), and ∇h,
     shape (2, n, P).
     """
-    scalar, mapping, tind = ElementQuad1(), basis.mapping, basis.tind
-    fields = (scalar.gbasis(mapping, CENTRE[0], a, tind)[0] for a in range(4))
-    at_centre = np.array([field.grad for field in fields])
+    at_centre, tind = gradients_at(basis, CENTRE[0]), basis.tind
     h = np.array([1.0, -1.0, 1.0, -1.0])
     corners = basis.mesh.p[:, basis.mesh.t[:, _ALL if tind is None else tind]]
     gamma = h[:, None] - np.einsum("b,jbn,ajn->an", h, corners, at_centre[..., 0])

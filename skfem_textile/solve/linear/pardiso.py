@@ -38,7 +38,8 @@ class Pardiso(LatestFactors):
         from pypardiso import PyPardisoSolver  # at the first solve
 
         # The lower triangle in CSC is the upper one in CSR.
-        self._A = csr_matrix((lower.data, lower.indices, lower.indptr), lower.shape)
+        upper = np.ones(lower.nnz), lower.indices, lower.indptr
+        self._A = csr_matrix(upper, lower.shape)
         self._pardiso = solver = PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
         solver.perm = (1 + unknowns.order).astype(np.int32)
         solver.set_iparm(_OWN_PARAMETERS, 1)

@@ -12,9 +12,11 @@ from functools import cache
 from threading import current_thread, main_thread
 from typing import Any
 
+import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
+from ...mesh.pattern import with_data
 from ...solve import solver_threads
 from .scaling import ROUND_OFF
 from .solver import FORKED, HIDDEN, REFINEMENTS, CountedPivots, LatestFactors
@@ -52,7 +54,7 @@ class Rslab(LatestFactors):
         self.n_threads = _threads()
         self._analysis = _on_lasting_thread(
             rslab.analyze,
-            lower,
+            with_data(lower, np.ones(lower.nnz)),
             path="ldlt",
             ordering=_ORDERING,
             scaling="identity",

@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
-from ...mesh.pattern import Pattern, matrix_of_slots, with_data
+from ...mesh.pattern import Pattern, index_type, matrix_of_slots, with_data
 from ..conditions import Constraints
 from .solver import SolverOfPattern
 from .unknowns import Unknowns
@@ -44,6 +44,8 @@ class System:
         Matrix from the entries of the blocks to the entries of RᵀKR, with R of
         `Problem.turn`, if nodes move together; otherwise None, and `turned` has the
         entries.
+    lower
+        Pattern of the lower triangle.
     solver
         Linear solver for their pattern.
     """
@@ -58,7 +60,8 @@ class System:
         self.dimension = d = pattern.dimension
         free, fixed = constraints.free, constraints.fixed
         n, n_fixed = len(free), len(fixed)
-        number = np.empty(n + n_fixed, dtype=np.int64)  # free unknowns first
+        kind = index_type(n + n_fixed)
+        number = np.empty(n + n_fixed, dtype=kind)  # free unknowns first
         number[free] = np.arange(n)
         number[fixed] = n + np.arange(n_fixed)
 
@@ -79,10 +82,11 @@ class System:
             None  # last rotation, whose rotated rows are cached
         )
         # The upper triangle in CSR is the lower one in CSC.
-        upper = np.ones(self.upper.nnz), self.upper.indices, self.upper.indptr
-        pairs = np.array([pattern.rows, pattern.cols])
+        ones = np.broadcast_to(1.0, self.upper.nnz)
+        self.lower = csc_matrix((ones, self.upper.indices, self.upper.indptr), (n, n))
+        pairs = pattern.rows, pattern.cols
         unknowns = Unknowns(positions, pairs, d, free, constraints.shared)
-        self.solver = solver(csc_matrix(upper, (n, n)), unknowns)
+        self.solver = solver(self.lower, unknowns)
 
     @classmethod
     def of(
@@ -182,3 +186,14 @@ def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> 
         entries = system.sums @ entries
     both = system.upper, system.coupling
     return Reduced(*(with_data(slots, entries[slots.data]) for slots in both))
+
+
+def largest_row(system: System, matrix: Reduced) -> float:
+    """Largest absolute row sum in N/mm."""
+    upper, coupling = matrix
+    entries, diagonal, n = np.abs(upper.data), upper.indptr[:-1], upper.shape[0]
+    rows = np.add.reduceat(entries, diagonal) - entries[diagonal]
+    rows += with_data(system.lower, entries) @ np.ones(n)
+    row = np.repeat(np.arange(n), np.diff(coupling.indptr))
+    rows += np.bincount(row, np.abs(coupling.data), n)
+    return float(rows.max(initial=0.0))

@@ -9,6 +9,7 @@ the cut, obtained by König's theorem from a maximum matching (Hopcroft & Karp 1
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -37,7 +38,7 @@ class Unknowns:
     """
 
     positions: ndarray
-    pairs: ndarray
+    pairs: Any
     dimension: int
     free: ndarray
     shared: ndarray = field(default_factory=partial(np.empty, 0, int))
@@ -45,7 +46,7 @@ class Unknowns:
     @cached_property
     def order(self) -> ndarray:
         """Indices into ``free`` in elimination order, shape (n,)."""
-        nodes = nested_dissection(self.positions, self.pairs)
+        nodes = nested_dissection(self.positions, np.asarray(self.pairs))
         components = np.arange(self.dimension)
         unknowns = (self.dimension * nodes[:, None] + components).ravel()
         is_shared = np.isin(unknowns, self.shared)
