@@ -11,7 +11,6 @@ vanishes, touch no tool.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy import ndarray
 from skfem import CellBasis, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
+from ..mesh.recovery import ContactPoints
 from ..mesh.user_input import coords, real_numbers, refuse_in_files
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm, ElementTerm
@@ -26,7 +26,6 @@ from ..solve.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..surfaces.surface import Surface, triangle_sums
 from .motion import Motion, angle_turned, placement, travelled
 from .outline import ROUND_OFF, corners_of, inside
-from .points import ContactPoints
 
 # Extent of a tool relative to the size of the ply above which its unit is wrong.
 # Metres in place of millimetres are 1000.
@@ -292,27 +291,6 @@ class Obstacle:
                 "tool, or specify its side"
             )
         return side
-
-
-def deepest(
-    obstacles: Sequence[Obstacle], load_factors: Sequence[float]
-) -> tuple[int, float]:
-    """Obstacle that reaches deepest beyond the plane of the ply, and when.
-
-    The one that travels farthest if none moves beyond the plane; the first of equal
-    ones.
-
-    Returns
-    -------
-    int, float
-        Its index and the load factor.
-    """
-
-    def reached(at: tuple[int, float]) -> tuple[float, float]:
-        obstacle, t = obstacles[at[0]], at[1]
-        return obstacle.depth(t), float(np.linalg.norm(obstacle.travel(t)))
-
-    return max(product(range(len(obstacles)), load_factors), key=reached)
 
 
 def turned(rotation: ndarray, H: ndarray) -> ndarray:

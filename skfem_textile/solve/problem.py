@@ -7,7 +7,7 @@ it is the second derivative of the energy less λ∇²φ, see `SurfaceNodes`.
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,8 @@ from scipy.sparse import csc_matrix, csr_matrix
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
-from ..ply.terms import ContactTerm
+from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from .conditions import Constraints, plain, reactions, turned
-from .contact_points import with_open_gaps
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System, largest_row, reduced
@@ -402,6 +401,18 @@ class Problem:
         arguments = u, self.load_factor, elements, ply.normals(u)
         return ratio * self.surfaces.facing(*arguments)
 
+    def blocks(
+        self, u: ndarray, contact_forces: Any, parameters: PlyParameters, *how: Any
+    ) -> ndarray:
+        """Blocks of the tangent, see `Tangent.at`."""
+        arguments = u, self.load_factor, parameters, *how
+        blocks = self.clock.time("assembly", self.ply.stiffness, *arguments)
+        if contact_forces is None and self.surfaces:
+            f = self.nodal(self.residual(u, parameters))
+            contact_forces = self.surfaces.forces(u, self.load_factor, f)
+        blocks = self.curved(u, blocks, self.surfaces, contact_forces)
+        return _between_tools(self, u, parameters, blocks) if self.contacts else blocks
+
     def curved(
         self,
         u: ndarray,
@@ -503,21 +514,8 @@ class Tangent:
         stretched
             See `Ply.stiffness`.
         """
-        t, surfaces = problem.load_factor, problem.surfaces
-
-        def assemble() -> ndarray:
-            forces = contact_forces
-            arguments = u, t, parameters, tension, positive, stretched
-            blocks = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
-            if forces is None and surfaces:
-                f = problem.nodal(problem.residual(u, parameters))
-                forces = surfaces.forces(u, t, f)
-            blocks = problem.curved(u, blocks, surfaces, forces)
-            if problem.contacts:
-                blocks = with_open_gaps(problem, u, parameters, blocks, OPPOSITE)
-            return blocks
-
-        return cls(problem, u, assemble)
+        arguments = u, contact_forces, parameters, tension, positive, stretched
+        return cls(problem, u, partial(problem.blocks, *arguments))
 
     @cached_property
     def _blocks(self) -> ndarray:
@@ -654,6 +652,30 @@ class Tangent:
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
         return float(ROUNDINGS * EPSILON * size * self._largest_row)
+
+
+def _between_tools(
+    problem: Problem, u: ndarray, parameters: PlyParameters, blocks: ndarray
+) -> ndarray:
+    """Add a small stiffness at open gaps if tools are on both sides of the ply.
+
+    Tools on one side restrain only nodes that touch them.
+    """
+    t = problem.load_factor
+    gap = np.concatenate([x.gaps(u, t, parameters[x.name]) for x in problem.contacts])
+    n = np.hstack([x.normals(u, t) for x in problem.contacts])
+    force, stiffness = (
+        np.concatenate([parameters[x.name][key] for x in problem.contacts])
+        for key in ("force", "stiffness")
+    )
+    reached, nearest = np.isfinite(gap), n[:, gap.argmin()]
+    if not (nearest @ n < OPPOSITE).any():
+        return blocks
+    off = reached & ~(force - stiffness * np.where(reached, gap, 0.0) > 0)
+    n, kappa = n[:, off], STIFFNESS_OF_GAP * stiffness[off]
+    nodes = np.flatnonzero(off) % problem.nodes.shape[1]
+    np.add.at(blocks, problem.ply.pattern.diagonal[nodes], (kappa * n[:, None] * n).T)
+    return blocks
 
 
 def tangent_at(

@@ -6,16 +6,16 @@ from typing import Any
 
 from scipy.sparse import identity
 
-from skfem_textile.contact import obstacle
+from skfem_textile.mesh import recovery
 
 
 @contextmanager
 def contact_at_nodes() -> Iterator[None]:
     """The contact points of plies made in this context are the nodes."""
-    before: Any = obstacle.contact_points
+    before: Any = recovery.contact_points
     at_nodes: Any = lambda mesh, mirrors: identity(mesh.nvertices, format="csr")  # noqa: E731
-    obstacle.contact_points = at_nodes
+    recovery.contact_points = at_nodes
     try:
         yield
     finally:
-        obstacle.contact_points = before
+        recovery.contact_points = before
