@@ -22,10 +22,10 @@ from .gaps import (
     turn_on_tool,
 )
 from .holder import contacts, flat_thickness, pressing
+from .motion import deepest
 from .obstacle import ToolContact, ToolTerm
 from .risks import COARSE, most_compressed, share_of_area, wrinkle_risk
 from .shape import areal_weight, draw_in, fibre_curvature
-from .tool import deepest
 
 # Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
 _RAYS = (0, 45, 90)

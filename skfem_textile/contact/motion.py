@@ -1,6 +1,7 @@
 """Motions of tools."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import product
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -79,3 +80,31 @@ def angle_turned(tool: str, motion: Motion | None, t: float) -> float:
     (first, _), (now, _) = (placement(tool, motion, x) for x in (0.0, t))
     sine = np.linalg.norm(now - first) / np.sqrt(8)
     return 2 * float(np.arcsin(min(sine, 1.0)))
+
+
+def deepest(
+    obstacles: Sequence[Any], load_factors: Sequence[float]
+) -> tuple[int, float]:
+    """Obstacle that reaches deepest beyond the plane of the ply, and when.
+
+    The one that travels farthest if none moves beyond the plane; the first of equal
+    ones.
+
+    Parameters
+    ----------
+    obstacles
+        Obstacles, see `Obstacle`.
+    load_factors
+        Load factors of the run.
+
+    Returns
+    -------
+    int, float
+        Its index and the load factor.
+    """
+
+    def reached(at: tuple[int, float]) -> tuple[float, float]:
+        obstacle, t = obstacles[at[0]], at[1]
+        return obstacle.depth(t), float(np.linalg.norm(obstacle.travel(t)))
+
+    return max(product(range(len(obstacles)), load_factors), key=reached)

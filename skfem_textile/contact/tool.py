@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -20,7 +19,7 @@ from ..ply.amount import Amount, AmountLike, Limits, Rows
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import COMPARED, HolderPressure
-from .motion import Motion
+from .motion import Motion, deepest
 from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
@@ -313,27 +312,6 @@ def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
     unit = np.array(axis) / np.abs(axis).max()
     unit /= np.linalg.norm(unit)
     return np.asarray(Rotation.from_rotvec(angle * unit).as_matrix())
-
-
-def deepest(
-    obstacles: Sequence[Obstacle], load_factors: Sequence[float]
-) -> tuple[int, float]:
-    """Obstacle that reaches deepest beyond the plane of the ply, and when.
-
-    The one that travels farthest if none moves beyond the plane; the first of equal
-    ones.
-
-    Returns
-    -------
-    int, float
-        Its index and the load factor.
-    """
-
-    def reached(at: tuple[int, float]) -> tuple[float, float]:
-        obstacle, t = obstacles[at[0]], at[1]
-        return obstacle.depth(t), float(np.linalg.norm(obstacle.travel(t)))
-
-    return max(product(range(len(obstacles)), load_factors), key=reached)
 
 
 def deepest_of(tools: Sequence[Tool | Holder], nodes: ndarray) -> str:

@@ -506,13 +506,11 @@ class Tangent:
         tension
             Fibre tensions for the geometric stiffness, instead of the tensions at
             ``u``.
-        positive
-            True if the element matrices are projected onto positive semi-definite ones.
+        positive, stretched
+            See `Ply.stiffness`.
         contact_forces
             Contact forces of nodes on surfaces, shape (n_nodes,), instead of those at
             ``u``; 0 for a tangent without contact forces.
-        stretched
-            See `Ply.stiffness`.
         """
         arguments = u, contact_forces, parameters, tension, positive, stretched
         return cls(problem, u, partial(problem.blocks, *arguments))
