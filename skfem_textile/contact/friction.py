@@ -131,7 +131,7 @@ class Friction:
         moved = self._local(u, t) - p["slips_from"]
         along = np.linalg.norm(self._tangential(moved, p), axis=0)
         longer = self._arcs(moved, p) - along
-        touches = (p["pressed"] > 0) & (force > 0)
+        touches = (p["bound"] * p["pressed"] > 0) & (force > 0)
         return slid + np.where((slid > 0) & touches, longer, 0.0)
 
     def _arcs(self, chords: ndarray, p: Values) -> ndarray:
