@@ -521,11 +521,11 @@ class SumOfTerms(FabricOnBasis):
         return np.unique([one[sharp], other[sharp]])
 
     def is_slack(self, u: ndarray) -> bool:
-        """True if a fibre is shorter than at rest, and less stiff."""
+        """True if a fibre is shorter than at rest, and less than half as stiff."""
         law, strain = self._at_elements.tensions, self.law_strain(u)
         both = (law.slopes(x).own for x in (strain, np.maximum(strain, 0.0)))
         pairs = zip(*both, strict=True)
-        return any(bool(np.any(slope < at_rest)) for slope, at_rest in pairs)
+        return any(bool(np.any(2 * slope < at_rest)) for slope, at_rest in pairs)
 
     def beyond_peak(self, strains: ndarray) -> ndarray:
         """Elements where T/λ decreases with λ (∂T/∂ε is below T) or ε is not finite.

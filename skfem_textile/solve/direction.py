@@ -146,13 +146,18 @@ class Definite(Direction):
     def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
         """Solve the linearised problem.
 
-        Slack fibres have no stiffness, and hardly limit the increment that moves the
-        supports of a ply in its plane, although it stretches them.  It is therefore
+        Slack fibres have no stiffness, and hardly limit the increment that first moves
+        the supports of a ply in its plane, although it stretches them.  It is therefore
         also computed with their stiffness at rest; the one with less energy is used.
         """
         increment, problem, u = super().increment(at, fixed_values), self.problem, at.u
-        moves = at.tension is None and not problem.is_fixed(u, fixed_values)
-        if not moves or problem.in_space or not problem.ply.is_slack(u):
+        rests = at.tension is None and not u[problem.constraints.fixed].any()
+        if (
+            not rests
+            or problem.is_fixed(u, fixed_values)
+            or problem.in_space
+            or not problem.ply.is_slack(u)
+        ):
             return increment
         p, still = at.parameters, np.zeros_like(u)
         tension = problem.ply.geometric_tension(u, still, p)
