@@ -434,7 +434,9 @@ class ToolTerm(ElementTerm):
     def contradictions(self, states: Sequence[Any]) -> list[str]:
         """Friction without effect, or elastic only, see `Ply.contradictions`."""
         complete = states[-1].load_factor == 1
-        slip, most = getattr(self.friction, "slip", 0.0), _ELASTIC * self._element
+        if not any(map(self._rubs, states)):
+            return []
+        slip, most = self.friction.slip, _ELASTIC * self._element
         if slip > most:
             return [
                 f"friction of {self._obstacle.what} is elastic up to a slip of {slip:g}"
@@ -442,13 +444,18 @@ class ToolTerm(ElementTerm):
                 f" {self._element:.3g} mm: it restrains the ply too little: use 0.02 to"
                 " 0.1 mm"
             ]
-        if self.friction and complete and not any(map(self._presses, states)):
+        if complete and not any(map(self._presses, states)):
             what = self._obstacle.what
             return [
                 f"friction of {what} has no effect: it touches nothing: check its "
                 "position, motion and unit of length"
             ]
         return []
+
+    def _rubs(self, state: Any) -> bool:
+        """True if its coefficient of friction is above zero in a state."""
+        one = np.ones(())
+        return bool(self.friction and self.friction.bound(state.load_factor, one) > 0)
 
     def _presses(self, state: Any) -> bool:
         """True if it presses on a node in a state."""

@@ -843,6 +843,18 @@ def test_friction_of_a_tool_that_touches_nothing_is_a_warning(caplog):
     assert result.ply.contradictions(early) == []
 
 
+def test_friction_of_zero_is_no_warning():
+    """Neither of a tool that touches nothing nor of a long elastic slip."""
+    lid = drape.Plane((0, 0, 5.0))
+    zero = {"friction": lambda t: 0.0, "elastic_slip": 50.0}
+    terms = [Tool(lid, side=-1, name="lid", **zero)]
+    fabric = Fabric(1e6, 1.0, bending=(1.0, 1.0))
+    ply = Ply(grid(50.0, 10.0, 2, 1), fabric, terms=terms, dimension=3)
+    held = {"pull": Condition("right", (0.1, 0.0, 0.0)), "left": Condition("left")}
+    result = LoadStepper(ply, held, steps=1, warn_only=("stabilisation",)).run()
+    assert not [x for x in result.warnings if "friction" in x]
+
+
 def test_a_holder_with_a_force_stands_at_its_distance():
     """One with a prescribed pressure has no position."""
     law = MeasuredCompaction((0.3, 0.25, 0.2), (0.0, 0.004, 0.03))
