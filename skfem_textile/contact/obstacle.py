@@ -568,19 +568,15 @@ class ToolContact(ToolTerm, ContactTerm):
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
         """Nodes that cross its outline, else see `ToolTerm`."""
-        name = self.name
-        at = next(
-            (
-                x
-                for x in states
-                if self.crosses_outline(x.u, x.load_factor, x.parameters[name])
-            ),
-            None,
-        )
-        if at is None:
+        crosses = [
+            x
+            for x in states
+            if self.crosses_outline(x.u, x.load_factor, x.parameters[self.name])
+        ]
+        if not crosses:
             return super().contradictions(states)
         return [
-            f"load factor {at.load_factor:g}: nodes that touch {self._obstacle.what} "
+            f"load factor {crosses[0].load_factor:g}: nodes that touch {self._obstacle.what} "
             "cross its outline by over half an element in the step; they count as "
             "within it or not by their position before: use more steps"
         ]
