@@ -577,9 +577,9 @@ class ToolContact(ToolTerm, ContactTerm):
             return super().contradictions(states)
         t, what = crosses[0].load_factor, self._obstacle.what
         return [
-            f"load factor {t:g}: nodes that touch {what} cross its outline by over half "
-            "an element in the step; they count as within it or not by their position "
-            "before: use more steps"
+            f"load factor {t:g}: nodes that touch {what} cross its outline by over "
+            "half an element in the step; they count as within it or not by their "
+            "position before: use more steps"
         ]
 
     def crosses_outline(self, u: ndarray, t: float, p: Values) -> bool:
