@@ -52,8 +52,8 @@ def moved(*rows, name="up", **others):
     return {"name": name, "steps": 1, "tools": {"punch": {"motion_mm": rows}}} | others
 
 
-def test_the_tool_that_moves_farthest_is_reported_whatever_the_order():
-    """Not a holder with a force, which has no reaction, even if it moves farther."""
+def test_the_tool_that_reaches_deepest_is_reported_whatever_the_order():
+    """Not a holder with a force, which has no reaction, even if it moves further."""
     plate = {"surface": "plane", "name": "plate", "point_mm": [0, 0, 9]}
     apart = {"name": "apart", "steps": 1, "tools": {"holder": {"motion_mm": [0, 0, 9]}}}
     for order in ([HOLDER, plate, PUNCH], [plate, PUNCH, HOLDER]):
