@@ -104,6 +104,9 @@ class Belt:
         return [
             {
                 "case": str(self),
+                "mu": mu,
+                "wrap": self.wrap,
+                "elements": self.elements,
                 "force": last,
                 "exact": exact,
                 "off": last / exact - 1,
@@ -561,7 +564,7 @@ def _of_slips(term: Any, state: State, slip: float) -> float:
 _RESOLUTIONS = (12, 10), (12, 20), (12, 40), (24, 10), (24, 20), (48, 20)
 
 # Angles of contact of belts in degrees, and elements along them.
-_BELTS = (30, 30), (30, 240), (90, 30), (90, 60), (180, 30), (180, 60), (180, 240)
+_BELTS = tuple((wrap, elements) for wrap in (30, 90, 180) for elements in (30, 60, 240))
 
 
 def problems() -> Iterator[Any]:
@@ -583,3 +586,5 @@ def problems() -> Iterator[Any]:
     for parts, steps in _RESOLUTIONS[:-1]:
         yield Hemisphere(parts, steps, at_nodes=True)
         yield Hemisphere(parts, steps, at_nodes=True, whole_areas=True)
+    for whole_areas in (False, True):
+        yield Hemisphere(24, 20, 0.0, at_nodes=True, whole_areas=whole_areas)

@@ -2,9 +2,10 @@
 
 import argparse
 from collections.abc import Sequence
+from itertools import chain
 from typing import Any
 
-from ..common.tables import markdown_table, table
+from ..common.tables import grouped, markdown_table, on, table
 from ..study import Part, Row, Study
 from . import extremes
 from .problems import problems
@@ -43,15 +44,21 @@ def _difference(x: float | None) -> str:
 
 
 def belts(rows: list[Row]) -> str:
-    """Tensions of belts against exact ones of polygons."""
-    columns = {"belt": "{belt}", "tension in N/mm": "{force:.5f}"}
-    columns |= {"of the polygon": "{exact:.5f}", "difference": "{off:.1e}"}
-    columns |= {
-        "by its kinks": "{product:.5f}",
-        "difference from it": "{off_product:.2e}",
-    }
-    known = [{**row, "belt": row["case"].removeprefix("belt, ")} for row in rows]
-    return table(known, {**columns, "solves": "{solves}"})
+    """Differences of the tensions of belts from the ones of polygons."""
+    belts = grouped(rows, "wrap", "elements")
+    coefficients = [f"μ {row['mu']:g}" for row in next(iter(belts.values()), [])]
+    heads = (on(mu, ("exact", "by its kinks")) for mu in coefficients)
+    return markdown_table(
+        ["angle", "elements", *chain(*heads)],
+        [
+            [
+                f"{wrap}°",
+                elements,
+                *(f"{row[k]:.1e}" for row in of for k in ("off", "off_product")),
+            ]
+            for (wrap, elements), of in belts.items()
+        ],
+    )
 
 
 def balances(rows: list[Row]) -> str:
