@@ -402,6 +402,8 @@ class Hemisphere:
     whole_areas
         True for a holder that presses on the whole area of nodes within its outline,
         instead of the part of each element there.
+    same_total
+        True if these areas are scaled to the sum of the areas of the parts.
     """
 
     parts: int
@@ -410,10 +412,12 @@ class Hemisphere:
     slip: float = 0.02
     at_nodes: bool = False
     whole_areas: bool = False
+    same_total: bool = False
 
     def __str__(self) -> str:
         where = ", contact at the nodes" if self.at_nodes else ""
         where += ", whole nodal areas" if self.whole_areas else ""
+        where += " of the same total" if self.same_total else ""
         return (
             f"hemisphere, {self.parts} parts, {self.steps} steps, μ {self.friction:g}, "
             f"slip {self.slip:g}{where}"
@@ -457,7 +461,8 @@ class Hemisphere:
 
     def rows(self) -> list[Row]:
         """Force, largest angle, draw-in, work of sliding and balance of energy."""
-        with whole_nodal_areas() if self.whole_areas else nullcontext():
+        areas = whole_nodal_areas(self.same_total)
+        with areas if self.whole_areas else nullcontext():
             result = self.stepper().run()
         ply, state = result.ply, result.states[-1]
         x, X = ply.positions(state.u), ply.nodes
@@ -494,14 +499,20 @@ class Hemisphere:
 
 
 @contextmanager
-def whole_nodal_areas() -> Iterator[None]:
-    """Holders press on the whole area of each node within their outline."""
+def whole_nodal_areas(same_total: bool) -> Iterator[None]:
+    """Holders press on the whole area of each node within their outline.
+
+    With ``same_total`` times a factor, so that the sum is that of the parts of elements
+    within the outline.
+    """
     kind: Any = holders._Pressed
     before = kind._areas
 
     def whole(self: Any, u: ndarray, t: float) -> tuple[ndarray, ndarray]:
         x = self._points.positions(u)
         areas = self._summed(self._integrals) * inside(self._outline, x[:2])
+        if same_total:
+            areas *= before(self, u, t)[0].sum() / areas.sum()
         return areas, np.ones(x.shape[1])
 
     kind._areas = whole
@@ -586,5 +597,7 @@ def problems() -> Iterator[Any]:
     for parts, steps in _RESOLUTIONS[:-1]:
         yield Hemisphere(parts, steps, at_nodes=True)
         yield Hemisphere(parts, steps, at_nodes=True, whole_areas=True)
-    for whole_areas in (False, True):
-        yield Hemisphere(24, 20, 0.0, at_nodes=True, whole_areas=whole_areas)
+    for whole in (False, True):
+        yield Hemisphere(24, 20, 0.0, at_nodes=True, whole_areas=whole)
+    for mu in (0.2, 0.0):
+        yield Hemisphere(24, 20, mu, at_nodes=True, whole_areas=True, same_total=True)
