@@ -502,7 +502,7 @@ class Hemisphere:
 def whole_nodal_areas(same_total: bool) -> Iterator[None]:
     """Holders press on the whole area of each node within their outline.
 
-    With ``same_total`` times a factor, so that the sum is that of the parts of elements
+    With ``same_total`` times a factor, so that the sum equals the one of the parts of elements
     within the outline.
     """
     kind: Any = holders._Pressed

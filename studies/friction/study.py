@@ -8,13 +8,20 @@ from typing import Any
 from ..common.tables import grouped, markdown_table, on, table
 from ..study import Part, Row, Study
 from . import extremes
-from .problems import problems
+from .problems import Hemisphere, problems
 
 # Further results that are exact.
 _FURTHER = "work", "area", "distance"
 
 # Elastic slip in mm and coefficient of the hemispheres whose energies are balanced.
 _SLIP, _RUBS = 0.02, 0.2
+
+# Areas on which the holder of a hemisphere presses.
+_AREAS: dict[str, dict[str, bool]] = {
+    "whole": {"whole_areas": True},
+    "same_total": {"whole_areas": True, "same_total": True},
+    "parts": {},
+}
 
 
 def exact(rows: list[Row]) -> str:
@@ -54,7 +61,7 @@ def belts(rows: list[Row]) -> str:
             [
                 f"{wrap}°",
                 elements,
-                *(f"{row[k]:.1e}" for row in of for k in ("off", "off_product")),
+                *chain(*((f"{x['off']:.1e}", f"{x['off_product']:.2e}") for x in of)),
             ]
             for (wrap, elements), of in belts.items()
         ],
@@ -147,6 +154,16 @@ class Friction(Study[Any]):
 
     def cases(self, options: argparse.Namespace) -> Sequence[Any]:
         return [*problems(), *extremes.extremes()]
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        """Forces of hemispheres with contact at the nodes, by areas of the holder."""
+        forces = {row["case"]: f"{row.get('force', 0):.3f} N" for row in rows}
+        return {
+            f"{name}_{rubs}": forces[case]
+            for name, options in _AREAS.items()
+            for rubs, mu in (("rubbing", _RUBS), ("free", 0.0))
+            if (case := str(Hemisphere(24, 20, mu, at_nodes=True, **options))) in forces
+        }
 
     def line(self, rows: list[Row]) -> str:
         """Outcome and cause of a problem drawn at random; all entries of others."""
