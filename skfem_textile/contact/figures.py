@@ -22,10 +22,10 @@ from .gaps import (
     turn_on_tool,
 )
 from .holder import contacts, flat_thickness, pressing
-from .motion import deepest
 from .obstacle import ToolContact, ToolTerm
 from .risks import COARSE, most_compressed, share_of_area, wrinkle_risk
 from .shape import areal_weight, draw_in, fibre_curvature
+from .tool import deepest_obstacle
 
 # Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
 _RAYS = (0, 45, 90)
@@ -35,7 +35,9 @@ _TABLED = ("_travel_mm", "_rotation_deg", "_force_N", "_distance_mm")
 _DIGITS = 9
 
 # Cosine of an angle between the motion of a tool and the normal of a holder below which
-# the motion is along the holder: normals of smooth triangles deviate by a few degrees.
+# the motion is along the holder.  Chosen: the middle of the two motions that occur, at
+# right angles to the holder with the cosine 1 and along it with 0, from which normals of
+# smooth triangles deviate by a few degrees.
 _PARALLEL = 0.5
 
 # Relative difference of motions that is round-off.
@@ -266,7 +268,7 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
     """Force of each tool on the ply in N, by name, shape (n_states,).
 
     The component along the motion of the `driven_tool`, so that the forces of opposite
-    tools have opposite signs; along z if no tool travels.  Of a holder the component
+    tools have opposite signs; along z if it does not travel.  Of a holder the component
     along the direction in which it presses, positive if it presses.
 
     Raises
@@ -286,7 +288,8 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
 def driven_tool(result: Result) -> str:
     """Name of the tool that reaches deepest beyond the plane of the flat ply.
 
-    The one that travels farthest if none moves beyond the plane.
+    In the whole run, also if the result ends earlier.  The one that travels farthest if
+    none moves beyond the plane.
     """
     return _deepest_tool(result)[0].name
 
@@ -309,13 +312,10 @@ def last_closed(result: Result) -> int:
 
 def _deepest_tool(result: Result) -> tuple[ToolTerm, float]:
     """The `driven_tool`, and the load factor at which it is deepest."""
-    tools: Sequence[ToolTerm] = contacts(result.ply)
-    factors = [state.load_factor for state in result.states]
-    if not any(tool.travel(t).any() for tool in tools for t in factors):
-        tools = pressing(result.ply)
+    tools: Sequence[ToolTerm] = contacts(result.ply) or pressing(result.ply)
     if not tools:
         raise ValueError("the ply has no tools or holders, and so no tool forces")
-    number, t = deepest([x._obstacle for x in tools], factors)
+    number, t = deepest_obstacle([x._obstacle for x in tools])
     return tools[number], t
 
 

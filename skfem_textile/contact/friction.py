@@ -10,7 +10,9 @@ is the derivative of b h(|y|), where h(y) = y²/2ε up to ε and y − ε/2 beyo
 energy.  s is the force at the last state, not above b, and X₀ the place on the tool.
 n and b are updated within an iteration, near the equilibrium; s, X₀ and the work once a
 step.  The work is the slip beyond ε, along an arc on the tool, times the mean of the
-bounds at both ends of the step, because the bound changes within it.
+bounds at both ends of the step, because the bound changes within it.  A point that the
+tool leaves in the step rubs only while both touch: its mean is multiplied by its own
+motion along the normal over the one of the tool, both with ε.
 
 Newton's method converges slowly at the kink between sticking and sliding.  The tangent
 therefore contains the force σ that the previous increment predicts, which is linear in

@@ -315,7 +315,7 @@ def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
 
 
 def deepest_of(tools: Sequence[Tool | Holder], nodes: ndarray) -> str:
-    """Name of the tool that reaches `deepest` in a run.
+    """Name of the tool that reaches deepest, see `deepest_obstacle`.
 
     Not of a holder with a pressure or force, whose force is not a reaction.
 
@@ -342,9 +342,17 @@ def deepest_of(tools: Sequence[Tool | Holder], nodes: ndarray) -> str:
         gap = tool.gap if isinstance(tool, Holder) else None
         reach = None if gap is None else amount_of(tool, "gap", f"tool {tool.name!r}")
         obstacles.append(Obstacle.near(tool, nodes, reach))
-    motions = (Amount(x.what, x.motion) for x in obstacles)
-    factors = sorted({t for motion in motions for t in validated_at(motion)})
-    return known[deepest(obstacles, factors)[0]].name
+    return known[deepest_obstacle(obstacles)[0]].name
+
+
+def deepest_obstacle(obstacles: Sequence[Obstacle]) -> tuple[int, float]:
+    """Index of the obstacle that reaches `deepest`, and when, whatever the steps.
+
+    Judged at the load factors at which amounts are validated.
+    """
+    stated = (y for x in obstacles for y in (x.motion, x.reach))
+    factors = {t for y in stated for t in validated_at(Amount("", y))}
+    return deepest(obstacles, sorted(factors))
 
 
 def amount_of(tool: Any, name: str, what: str) -> Amount:

@@ -502,8 +502,8 @@ class Hemisphere:
 def whole_nodal_areas(same_total: bool) -> Iterator[None]:
     """Holders press on the whole area of each node within their outline.
 
-    With ``same_total`` times a factor, so that the sum equals the one of the parts of elements
-    within the outline.
+    With ``same_total`` times a factor, so that the sum equals the one of the parts of
+    elements within the outline.
     """
     kind: Any = holders._Pressed
     before = kind._areas
