@@ -35,8 +35,8 @@ _TABLED = ("_travel_mm", "_rotation_deg", "_force_N", "_distance_mm")
 _DIGITS = 9
 
 # Cosine of an angle between the motion of a tool and the normal of a holder below which
-# the motion is along the holder.  Chosen: the middle of the two motions that occur, at
-# right angles to the holder with the cosine 1 and along it with 0, from which normals of
+# the motion is along the holder.  Chosen: between the two motions that occur, at right
+# angles to the holder with a cosine of 1 and along it with 0, from which the normals of
 # smooth triangles deviate by a few degrees.
 _PARALLEL = 0.5
 
