@@ -21,11 +21,11 @@ from .gaps import (
     touching,
     turn_on_tool,
 )
-from .holder import contacts, flat_thickness, pressing
+from .holder import HolderPressure, contacts, flat_thickness, pressing
+from .motion import deepest
 from .obstacle import ToolContact, ToolTerm
 from .risks import COARSE, most_compressed, share_of_area, wrinkle_risk
 from .shape import areal_weight, draw_in, fibre_curvature
-from .tool import deepest_obstacle
 
 # Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
 _RAYS = (0, 45, 90)
@@ -315,7 +315,7 @@ def _deepest_tool(result: Result) -> tuple[ToolTerm, float]:
     tools: Sequence[ToolTerm] = contacts(result.ply) or pressing(result.ply)
     if not tools:
         raise ValueError("the ply has no tools or holders, and so no tool forces")
-    number, t = deepest_obstacle([x._obstacle for x in tools])
+    number, t = deepest([x._obstacle for x in tools])
     return tools[number], t
 
 
@@ -455,9 +455,8 @@ def _against_wrinkles(ply: Ply) -> str:
     """Advice by what the holders of a ply state."""
     advice = []
     for tool in pressing(ply):
-        if not isinstance(tool, ToolContact):
-            stated = "force" if "force" in tool.amounts_at(0.0) else "pressure"
-            advice.append(f"increase the {stated} of the holder")
+        if isinstance(tool, HolderPressure):
+            advice.append(f"increase the {tool.presses_by} of the holder")
         elif tool._obstacle.reach:
             advice.append("reduce the gap of the holder")
     both = [*dict.fromkeys(advice or ["add a holder"])]

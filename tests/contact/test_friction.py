@@ -843,6 +843,22 @@ def test_friction_of_a_tool_that_touches_nothing_is_a_warning(caplog):
     assert result.ply.contradictions(early) == []
 
 
+@pytest.mark.parametrize(
+    ("kind", "zero"),
+    [
+        ("pressure", {"pressure": 0.0}),
+        ("force", {"force": 0.0, "compaction": Compaction(0.4, 1e-3, 7.0)}),
+    ],
+)
+def test_friction_of_a_holder_that_never_presses_is_a_warning(kind, zero):
+    """It touches the ply, but does not press."""
+    result = pressed_strip(**zero, friction=0.3)
+    text = f"friction of tool 'holder' has no effect: its {kind} is 0: increase it, or "
+    assert [x for x in result.warnings if "'holder'" in x] == [
+        f"{text}omit the friction"
+    ]
+
+
 def test_friction_of_zero_is_no_warning():
     """Neither of a tool that touches nothing nor of a long elastic slip."""
     lid = drape.Plane((0, 0, 5.0))
