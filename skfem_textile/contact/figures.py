@@ -47,12 +47,14 @@ _ROUND_OFF = 1e-9
 def formed(result: Result) -> dict[str, Any]:
     """Figures of the last state of a ply between tools in N, mm and degrees; advice.
 
-    For each tool the last row of `tool_history`; ``NAME_force_N_half_width``, if there
-    is an error interval; ``NAME_force_on_whole_ply_N`` with its half-width, if a half
-    or quarter of the ply is computed; and, except for holders with a prescribed
-    pressure, ``NAME_penetration_mm``, the largest depth of the ply in the tool between
-    nodes (`smallest_gap`).  Places are in the axes ``stated`` by the tools.  Of the ply
-    the draw-in, the areal weight relative to the flat ply (`areal_weight`), risks, and
+    For each tool the last row of `tool_history`; ``NAME_energy_lost_error``, the
+    estimated error of the work of sliding in N·mm, with friction (`Friction.errors`);
+    ``NAME_force_N_half_width``, if there is an error interval;
+    ``NAME_force_on_whole_ply_N`` with its half-width, if a half or quarter of the ply
+    is computed; and, except for holders with a prescribed pressure,
+    ``NAME_penetration_mm``, the largest depth of the ply in the tool between nodes
+    (`smallest_gap`).  Places are in the axes ``stated`` by the tools.  Of the ply the
+    draw-in, the areal weight relative to the flat ply (`areal_weight`), risks, and
     ``energy_lost_on_whole_ply`` in N·mm, if a half or quarter is computed.
     ``first`` declares the figures that are printed first.
 
@@ -158,6 +160,10 @@ def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float
     computed.
     """
     figures = {name: column[-1].item() for name, column in history.items()}
+    for tool in pressing(result.ply):
+        if tool.friction:
+            errors = tool.friction.errors(tool, result.states)
+            figures[f"{tool.name}_energy_lost_error"] = float(errors.sum())
     directions, known = _directions(result), result.error.reactions
     names = [*directions]
     for name, along in directions.items():

@@ -435,7 +435,7 @@ class ToolTerm(ElementTerm):
         return None if K is None else self._points.matrices(K)
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
-        """Friction without effect, or elastic only, see `Ply.contradictions`."""
+        """Friction without effect, elastic only, or in long steps."""
         complete = states[-1].load_factor == 1
         if not any(self.rubs(x.load_factor) for x in states):
             return []
@@ -449,7 +449,8 @@ class ToolTerm(ElementTerm):
             ]
         if complete and not any(map(self._presses, states)):
             return [f"friction of {self._obstacle.what} has no effect: {self.idle}"]
-        return []
+        warnings: list[str] = self.friction.warnings(self, states)
+        return warnings
 
     def rubs(self, t: float) -> bool:
         """True if its coefficient of friction is above zero at a load factor."""

@@ -32,6 +32,7 @@ from skfem_textile.contact import Compaction, pressing
 from skfem_textile.contact import holder as holders
 from skfem_textile.contact.outline import inside
 from skfem_textile.ply.parameters import NO_VALUES, Values
+from skfem_textile.scenes import Case, hemisphere_forming
 
 from ..common.rivals.nodes import contact_at_nodes
 from ..study import Row
@@ -498,6 +499,39 @@ class Hemisphere:
         ]
 
 
+@dataclass(frozen=True)
+class Steps:
+    """Hemisphere in a number of steps, by its holder, with a pressure or a gap."""
+
+    holder: str
+    steps: int
+
+    def __str__(self) -> str:
+        return f"steps, {self.holder}, {self.steps}"
+
+    def rows(self) -> list[Row]:
+        """Work of sliding, and its estimated error."""
+        if self.holder == "pressure":
+            stepper = Hemisphere(12, self.steps).stepper()
+        else:
+            scene = hemisphere_forming(friction=0.2)
+            fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+            stepper = Case(scene=scene, fabric=fabric, steps=self.steps).stepper()
+        result = stepper.run()
+        rubbing: list[Any] = pressing(result.ply)
+        errors = [tool.friction.errors(tool, result.states) for tool in rubbing]
+        return [
+            {
+                "case": str(self),
+                "holder": self.holder,
+                "steps": self.steps,
+                "work": float(lost(result)[-1]),
+                "error": float(np.sum(errors)),
+                "warned": any("work of friction" in x for x in result.warnings),
+            }
+        ]
+
+
 @contextmanager
 def whole_nodal_areas(same_total: bool) -> Iterator[None]:
     """Holders press on the whole area of each node within their outline.
@@ -589,6 +623,8 @@ def problems() -> Iterator[Any]:
     for slope in (1.0, 0.5, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1):
         yield Wedge(slope)
     yield from map(Turning, (1, 2, 4, 5, 8, 16))
+    for holder in ("pressure", "gap"):
+        yield from (Steps(holder, steps) for steps in (3, 6, 12, 24, 48))
     for parts, steps in _RESOLUTIONS:
         yield Hemisphere(parts, steps)
     yield from (Hemisphere(24, 20, 0.2, slip) for slip in (0.1, 0.005, 0.001))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from itertools import chain
 from typing import Any
 
-from ..common.tables import grouped, markdown_table, on, table
+from ..common.tables import grouped, markdown_table, on, percent, table
 from ..study import Part, Row, Study
 from . import extremes
 from .problems import Hemisphere, problems
@@ -95,6 +95,28 @@ def turning(rows: list[Row]) -> str:
     return table(known, {**columns, "warning": "{shown}"})
 
 
+def works(rows: list[Row]) -> str:
+    """Work of sliding of hemispheres by the number of steps, and its estimated error."""
+    return markdown_table(
+        [
+            *("holder", "steps", "work of sliding in N·mm"),
+            *("difference from the most steps", "estimated error", "warning"),
+        ],
+        [
+            [
+                f"with a {holder}",
+                row["steps"],
+                f"{row['work']:.1f}",
+                percent(row["work"] / of[-1]["work"] - 1, "+.1f"),
+                percent(row["error"] / row["work"], ".1f"),
+                "yes" if row["warned"] else "no",
+            ]
+            for holder, of in grouped(rows, "holder").items()
+            for row in of
+        ],
+    )
+
+
 def hemispheres(rows: list[Row]) -> str:
     """Hemispheres with and without friction."""
     return markdown_table(
@@ -134,6 +156,7 @@ class Friction(Study[Any]):
         ),
         Part("belts.csv", {"belts.md": belts}, cases=("belt, *",)),
         Part("turning.csv", {"turning.md": turning}, cases=("turning plate, *",)),
+        Part("steps.csv", {"works.md": works}, cases=("steps, *",)),
         Part(
             "hemispheres.csv",
             {"hemispheres.md": hemispheres, "balances.md": balances},

@@ -469,6 +469,18 @@ def test_the_work_of_sliding_is_independent_of_the_steps(weight, steps):
     assert lost == pytest.approx({"plate": 2.4, "weight": 2.4}, rel=0.02)
 
 
+@pytest.mark.parametrize("weight", [RISING, FALLING])
+@pytest.mark.parametrize("steps", [2, 16])
+def test_the_error_of_the_work_is_estimated_by_bounds_at_ends_of_steps(weight, steps):
+    """Of a bound that grows to B, or falls from it, along a path s: B s/2 by steps."""
+    moved = {name: Condition(name, (2.0, 0.0, None)) for name in ("left", "right")}
+    result = between(None, steps, moved, **weight)
+    errors = [result.summary()[f"{x}_energy_lost_error"] for x in ("plate", "weight")]
+    assert errors == pytest.approx([2.4 / steps] * 2, rel=0.02)
+    text = "work of friction on tool 'plate', 2.382 N·mm, has an estimated error of 1.2"
+    assert any(text in x for x in result.warnings) == (steps == 2)
+
+
 def advanced(placement, x, normal, force):
     """Work on a point with 2 N on a tool, and a force after a step between places x."""
     friction = Friction(lambda t: 0.3, 0.02, placement, lambda u: u.reshape(3, 1))
