@@ -37,7 +37,7 @@ from ..solve.verdict import Course
 
 # Estimated error of the work of sliding on a tool, relative to all energy lost, above
 # which there is a warning.  Measured (`python -m studies friction --case "steps, *"`):
-# the estimate is two to six times the error, which is thus a few per cent.
+# the estimate is at least twice the error, which is thus up to 5 %.
 _UNCERTAIN = 0.1
 
 
@@ -132,7 +132,7 @@ class Friction:
     def errors(self, term: Any, states: Sequence[State]) -> ndarray:
         """Estimated errors of the work of sliding in steps in N·mm, shape (n_states,).
 
-        How far it is from the work with the bounds at the ends of the steps, which is
+        The difference from the work with the bounds at the ends of the steps, which is
         of lower order.  Of points that a step brings into contact, or out of it, only
         one bound is known.
 

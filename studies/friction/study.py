@@ -96,7 +96,7 @@ def turning(rows: list[Row]) -> str:
 
 
 def works(rows: list[Row]) -> str:
-    """Work of sliding of hemispheres by the number of steps, and its estimated error."""
+    """Work of sliding of hemispheres by the number of steps, and estimated errors."""
     return markdown_table(
         [
             *("holder", "steps", "work of sliding in N·mm"),
