@@ -309,10 +309,9 @@ def with_value(tables: Mapping[str, Any], path: str, value: Any) -> dict[str, An
         known = ", ".join(map(printable, names))
         found = f"but {known}: write {first}.NAME.KEY" if known else "which is empty"
         if not known and first == "tools" and _is_of_scene(key, tables.get("scene")):
-            found = f"which is empty: write scene.{key}"
-        raise ValueError(
-            f"there is no table {printable(name)!r} in [[{first}]], {found}"
-        )
+            found = f"which is empty: write scene.{key} for the tools of the scene"
+        one = "table" if name == "*" else f"table {printable(name)!r}"
+        raise ValueError(f"there is no {one} in [[{first}]], {found}")
     changed = [
         with_value(one, key, value) if every or i == at else one
         for i, one in enumerate(inner)

@@ -14,7 +14,7 @@ from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
 from ..solve.on_surface import SurfaceError
 from ..solve.problem import OPPOSITE
-from .holder import contacts, pressing
+from .holder import HolderPressure, contacts, pressing
 from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
@@ -47,6 +47,7 @@ _ASYMMETRIC, _OF_TRIANGLES = 1e-4, 0.2
 def check_tools(ply: Ply, moved: float = 0.0) -> None:
     """Refuse tools that cross, touch nothing, or break the symmetry of the ply.
 
+    Far travels, and friction that can be seen to have no effect, are warnings.
     `LoadStepper` calls it before each run.  Each tool pushes the nodes along from load
     factor 0 to 1.  A node that one tool pushes into another on the opposite side of the
     ply has no room, because the two tools cross.
@@ -84,6 +85,7 @@ def check_tools(ply: Ply, moved: float = 0.0) -> None:
     """
     tools = contacts(ply)
     _refuse_travels(ply)
+    _warn_of_friction(ply, moved)
     if not tools:
         return
     for tool in tools:
@@ -239,6 +241,49 @@ def _warn_of_travels(ply: Ply, tools: Sequence[ToolContact]) -> None:
             "ply, %.3g mm, which has to follow: check its travel"
         )
         log.warning(text, tool.name, pushed, whole)
+
+
+def _warn_of_friction(ply: Ply, moved: float) -> None:
+    """Warn of friction of tools out of reach, and of holders that never press.
+
+    Points of a ply rarely move further than its size, the supports and the tools.
+    """
+    tools = pressing(ply)
+    for tool in tools:
+        factors, what = _load_factors([tool], _INTERVALS), tool._obstacle.what
+        if not any(map(tool.rubs, factors)):
+            continue
+        if isinstance(tool, HolderPressure):
+            if not any(tool.amounts_at(t)[tool.presses_by] for t in factors):
+                log.warning("friction of %s will have no effect: %s", what, tool.idle)
+            continue
+        others = (_furthest(x) for x in tools if x is not tool)
+        reach = _size(ply) + moved + max(others, default=0.0)
+        if all(_away(ply, tool, t) > reach for t in factors):
+            away = min(_away(ply, tool, t) for t in factors)
+            text = (
+                "friction of %s will hardly have an effect: it stays %.3g mm away from "
+                "the undeformed ply, further than the size of the ply and all motions: "
+                "check its position, motion and unit of length"
+            )
+            log.warning(text, what, away)
+
+
+def _away(ply: Ply, tool: Any, t: float) -> float:
+    """Distance of a contact from the undeformed ply; beyond edges of a bounding box."""
+    gaps, obstacle = tool.gaps(ply.basis.zeros(), t), tool._obstacle
+    beyond, ends = ~np.isfinite(gaps), obstacle.outline
+    if facets := getattr(obstacle.surface, "facets", None):
+        ends = facets.points
+    gaps[beyond] = 0.0  # unknown
+    if ends is not None:
+        rotation, translation = obstacle.placement(t)
+        x = rotation.T @ (obstacle.X[:, beyond] - translation[:, None])
+        low, high = (of(ends, axis=1)[:, None] for of in (np.min, np.max))
+        x = x[: len(ends)]
+        off = np.maximum(np.maximum(low - x, x - high), 0.0)
+        gaps[beyond] = np.linalg.norm(off, axis=0)
+    return float(gaps.min())
 
 
 def _size(ply: Ply) -> float:

@@ -21,7 +21,7 @@ from .gaps import (
     touching,
     turn_on_tool,
 )
-from .holder import contacts, flat_thickness, pressing
+from .holder import HolderPressure, contacts, flat_thickness, pressing
 from .motion import deepest
 from .obstacle import ToolContact, ToolTerm
 from .risks import COARSE, most_compressed, share_of_area, wrinkle_risk
@@ -35,7 +35,9 @@ _TABLED = ("_travel_mm", "_rotation_deg", "_force_N", "_distance_mm")
 _DIGITS = 9
 
 # Cosine of an angle between the motion of a tool and the normal of a holder below which
-# the motion is along the holder: normals of smooth triangles deviate by a few degrees.
+# the motion is along the holder.  Chosen: between the two motions that occur, at right
+# angles to the holder with a cosine of 1 and along it with 0, from which the normals of
+# smooth triangles deviate by a few degrees.
 _PARALLEL = 0.5
 
 # Relative difference of motions that is round-off.
@@ -45,12 +47,14 @@ _ROUND_OFF = 1e-9
 def formed(result: Result) -> dict[str, Any]:
     """Figures of the last state of a ply between tools in N, mm and degrees; advice.
 
-    For each tool the last row of `tool_history`; ``NAME_force_N_half_width``, if there
-    is an error interval; ``NAME_force_on_whole_ply_N`` with its half-width, if a half
-    or quarter of the ply is computed; and, except for holders with a prescribed
-    pressure, ``NAME_penetration_mm``, the largest depth of the ply in the tool between
-    nodes (`smallest_gap`).  Places are in the axes ``stated`` by the tools.  Of the ply
-    the draw-in, the areal weight relative to the flat ply (`areal_weight`), risks, and
+    For each tool the last row of `tool_history`; ``NAME_energy_lost_error``, the
+    estimated error of the work of sliding in N·mm, with friction (`Friction.errors`);
+    ``NAME_force_N_half_width``, if there is an error interval;
+    ``NAME_force_on_whole_ply_N`` with its half-width, if a half or quarter of the ply
+    is computed; and, except for holders with a prescribed pressure,
+    ``NAME_penetration_mm``, the largest depth of the ply in the tool between nodes
+    (`smallest_gap`).  Places are in the axes ``stated`` by the tools.  Of the ply the
+    draw-in, the areal weight relative to the flat ply (`areal_weight`), risks, and
     ``energy_lost_on_whole_ply`` in N·mm, if a half or quarter is computed.
     ``first`` declares the figures that are printed first.
 
@@ -156,6 +160,10 @@ def _of_tools(result: Result, history: Mapping[str, ndarray]) -> dict[str, float
     computed.
     """
     figures = {name: column[-1].item() for name, column in history.items()}
+    for tool in pressing(result.ply):
+        if tool.friction:
+            errors = tool.friction.errors(tool, result.states)
+            figures[f"{tool.name}_energy_lost_error"] = float(errors.sum())
     directions, known = _directions(result), result.error.reactions
     names = [*directions]
     for name, along in directions.items():
@@ -266,7 +274,7 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
     """Force of each tool on the ply in N, by name, shape (n_states,).
 
     The component along the motion of the `driven_tool`, so that the forces of opposite
-    tools have opposite signs; along z if no tool travels.  Of a holder the component
+    tools have opposite signs; along z if it does not travel.  Of a holder the component
     along the direction in which it presses, positive if it presses.
 
     Raises
@@ -286,7 +294,8 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
 def driven_tool(result: Result) -> str:
     """Name of the tool that reaches deepest beyond the plane of the flat ply.
 
-    The one that travels farthest if none moves beyond the plane.
+    In the whole run, also if the result ends earlier.  The one that travels farthest if
+    none moves beyond the plane.
     """
     return _deepest_tool(result)[0].name
 
@@ -309,13 +318,10 @@ def last_closed(result: Result) -> int:
 
 def _deepest_tool(result: Result) -> tuple[ToolTerm, float]:
     """The `driven_tool`, and the load factor at which it is deepest."""
-    tools: Sequence[ToolTerm] = contacts(result.ply)
-    factors = [state.load_factor for state in result.states]
-    if not any(tool.travel(t).any() for tool in tools for t in factors):
-        tools = pressing(result.ply)
+    tools: Sequence[ToolTerm] = contacts(result.ply) or pressing(result.ply)
     if not tools:
         raise ValueError("the ply has no tools or holders, and so no tool forces")
-    number, t = deepest([x._obstacle for x in tools], factors)
+    number, t = deepest([x._obstacle for x in tools])
     return tools[number], t
 
 
@@ -455,9 +461,8 @@ def _against_wrinkles(ply: Ply) -> str:
     """Advice by what the holders of a ply state."""
     advice = []
     for tool in pressing(ply):
-        if not isinstance(tool, ToolContact):
-            stated = "force" if "force" in tool.amounts_at(0.0) else "pressure"
-            advice.append(f"increase the {stated} of the holder")
+        if isinstance(tool, HolderPressure):
+            advice.append(f"increase the {tool.presses_by} of the holder")
         elif tool._obstacle.reach:
             advice.append("reduce the gap of the holder")
     both = [*dict.fromkeys(advice or ["add a holder"])]

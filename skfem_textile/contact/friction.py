@@ -10,7 +10,9 @@ is the derivative of b h(|y|), where h(y) = y²/2ε up to ε and y − ε/2 beyo
 energy.  s is the force at the last state, not above b, and X₀ the place on the tool.
 n and b are updated within an iteration, near the equilibrium; s, X₀ and the work once a
 step.  The work is the slip beyond ε, along an arc on the tool, times the mean of the
-bounds at both ends of the step, because the bound changes within it.
+bounds at both ends of the step, because the bound changes within it.  A point that the
+tool leaves in the step rubs only while both touch: its mean is multiplied by its own
+motion along the normal over the one of the tool, both with ε.
 
 Newton's method converges slowly at the kink between sticking and sliding.  The tangent
 therefore contains the force σ that the previous increment predicts, which is linear in
@@ -21,7 +23,7 @@ it, as in primal-dual methods (Hintermüller & Stadler 2006):
 with its symmetric part, which is positive semi-definite for |σ| ≤ b.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,7 +32,13 @@ from numpy import ndarray
 from ..ply.amount import SAME
 from ..ply.parameters import Values
 from ..solve.direction import TINY
+from ..solve.states import State
 from ..solve.verdict import Course
+
+# Estimated error of the work of sliding on a tool, relative to all energy lost, above
+# which there is a warning.  Measured (`python -m studies friction --case "steps, *"`):
+# the estimate is at least twice the error, which is thus up to 5 %.
+_UNCERTAIN = 0.1
 
 
 class Friction:
@@ -120,6 +128,39 @@ class Friction:
             "since": np.array(t),
         }
         return Values({**p, **after})
+
+    def errors(self, term: Any, states: Sequence[State]) -> ndarray:
+        """Estimated errors of the work of sliding in steps in N·mm, shape (n_states,).
+
+        The difference from the work with the bounds at the ends of the steps, which is
+        of lower order.  Of points that a step brings into contact, or out of it, only
+        one bound is known.
+
+        Parameters
+        ----------
+        term
+            The term of the tool.
+        states
+            States of a run from its beginning.
+        """
+        differences = []
+        for x in states:
+            u, t, p = x.u, x.load_factor, x.parameters[term.name]
+            force = term.forces(u, t, p)
+            mean = self._mean_bound(p, u, t, force)
+            differences.append((mean - p["bound"]) @ self._slid(p, u, t, force))
+        return np.abs(differences)
+
+    def warnings(self, term: Any, states: Sequence[State]) -> list[str]:
+        """Warning of a work of sliding that depends on the steps, if there is one."""
+        lost, error = states[-1].energy_lost, float(self.errors(term, states).sum())
+        if error <= _UNCERTAIN * sum(lost.values()):
+            return []
+        work = f"{term._obstacle.what}, {lost[term.name]:.4g} N·mm, has an estimated"
+        return [
+            f"work of friction on {work} error of {error:.2g} N·mm, because contact "
+            "forces change within steps: use more steps"
+        ]
 
     def _slid(self, p: Values, u: ndarray, t: float, force: ndarray) -> ndarray:
         """Lengths of the slips of a step beyond the elastic slip, shape (n_nodes,).

@@ -124,6 +124,8 @@ class HolderPressure(ToolTerm):
     ----------
     rigid
         The latter, or None.
+    presses_by
+        "force" or "pressure".
     """
 
     constrains = False
@@ -139,6 +141,8 @@ class HolderPressure(ToolTerm):
         self._pressure: Any = pressure
         self._basis = basis
         self.rigid: Any = None if callable(pressure) else pressure
+        self.presses_by = "force" if self.rigid else "pressure"
+        self.idle = f"its {self.presses_by} is 0: increase it, or omit the friction"
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
         self.parameters = self._pressed_areas = _Pressed(self, obstacle, basis)
 

@@ -9,6 +9,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import call_user_function, real_numbers
+from ..ply.amount import Amount
 from .outline import ROUND_OFF
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
@@ -17,6 +18,10 @@ Motion: TypeAlias = ArrayLike | Callable[[float], Any]
 
 # Largest component of a translation in mm: its square is finite.
 _MOST = 1e100
+
+# Number of load factors at which a gap or pressure is validated before a run: every
+# 2.5 % of it.
+_CHECKED = 41
 
 
 def placement(tool: str, motion: Motion | None, t: float) -> tuple[ndarray, ndarray]:
@@ -82,29 +87,33 @@ def angle_turned(tool: str, motion: Motion | None, t: float) -> float:
     return 2 * float(np.arcsin(min(sine, 1.0)))
 
 
-def deepest(
-    obstacles: Sequence[Any], load_factors: Sequence[float]
-) -> tuple[int, float]:
+def validated_at(amount: Amount) -> list[float]:
+    """Load factors at which an amount is validated before a run."""
+    return [*np.linspace(0.0, 1.0, _CHECKED).tolist(), *amount.load_factors]
+
+
+def deepest(obstacles: Sequence[Any]) -> tuple[int, float]:
     """Obstacle that reaches deepest beyond the plane of the ply, and when.
 
     The one that travels farthest if none moves beyond the plane; the first of equal
-    ones.
+    ones.  At the load factors at which motions and gaps are validated, whatever the
+    steps of a run.
 
     Parameters
     ----------
     obstacles
         Obstacles, see `Obstacle`.
-    load_factors
-        Load factors of the run.
 
     Returns
     -------
     int, float
         Its index and the load factor.
     """
+    stated = (y for x in obstacles for y in (x.motion, x.reach))
+    factors = {t for y in stated for t in validated_at(Amount("", y))}
 
     def reached(at: tuple[int, float]) -> tuple[float, float]:
         obstacle, t = obstacles[at[0]], at[1]
         return obstacle.depth(t), float(np.linalg.norm(obstacle.travel(t)))
 
-    return max(product(range(len(obstacles)), load_factors), key=reached)
+    return max(product(range(len(obstacles)), sorted(factors)), key=reached)

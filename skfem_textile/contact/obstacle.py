@@ -346,11 +346,14 @@ class ToolTerm(ElementTerm):
         Motion, friction, and gap, pressure or force of the tool, as stated.
     constrains
         See `Friction`.
+    idle
+        Why friction has no effect if it presses in no state, for messages.
     """
 
     role = "load"
     friction: Any = None
     constrains = True
+    idle = "it touches nothing: check its position, motion and unit of length"
     amounts: tuple[Any, ...] = ()
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
@@ -432,9 +435,9 @@ class ToolTerm(ElementTerm):
         return None if K is None else self._points.matrices(K)
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
-        """Friction without effect, or elastic only, see `Ply.contradictions`."""
+        """Friction without effect, elastic only, or in long steps."""
         complete = states[-1].load_factor == 1
-        if not any(map(self._rubs, states)):
+        if not any(self.rubs(x.load_factor) for x in states):
             return []
         slip, most = self.friction.slip, _ELASTIC * self._element
         if slip > most:
@@ -445,17 +448,13 @@ class ToolTerm(ElementTerm):
                 " 0.1 mm"
             ]
         if complete and not any(map(self._presses, states)):
-            what = self._obstacle.what
-            return [
-                f"friction of {what} has no effect: it touches nothing: check its "
-                "position, motion and unit of length"
-            ]
-        return []
+            return [f"friction of {self._obstacle.what} has no effect: {self.idle}"]
+        warnings: list[str] = self.friction.warnings(self, states)
+        return warnings
 
-    def _rubs(self, state: Any) -> bool:
-        """True if its coefficient of friction is above zero in a state."""
-        one = np.ones(())
-        return bool(self.friction and self.friction.bound(state.load_factor, one) > 0)
+    def rubs(self, t: float) -> bool:
+        """True if its coefficient of friction is above zero at a load factor."""
+        return bool(self.friction and self.friction.bound(t, np.ones(())) > 0)
 
     def _presses(self, state: Any) -> bool:
         """True if it presses on a node in a state."""

@@ -19,7 +19,7 @@ from ..ply.amount import Amount, AmountLike, Limits, Rows
 from ..solve.on_surface import in_axes_of_ply
 from ..surfaces.surface import Surface
 from .holder import COMPARED, HolderPressure
-from .motion import Motion, deepest
+from .motion import Motion, deepest, validated_at
 from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF
 
@@ -35,10 +35,6 @@ LIMITS = {
     "pressure": Limits(0.0, unit=" N/mm2"),
     "force": Limits(0.0, unit=" N"),
 }
-
-# Number of load factors at which a gap or pressure is validated before a run: every
-# 2.5 % of it.
-_CHECKED = 41
 
 
 class FormingContact(ToolContact):
@@ -315,7 +311,7 @@ def rotation_matrix(axis: Sequence[float], angle: float) -> ndarray:
 
 
 def deepest_of(tools: Sequence[Tool | Holder], nodes: ndarray) -> str:
-    """Name of the tool that reaches `deepest` in a run.
+    """Name of the tool that reaches deepest, see `deepest`.
 
     Not of a holder with a pressure or force, whose force is not a reaction.
 
@@ -342,9 +338,7 @@ def deepest_of(tools: Sequence[Tool | Holder], nodes: ndarray) -> str:
         gap = tool.gap if isinstance(tool, Holder) else None
         reach = None if gap is None else amount_of(tool, "gap", f"tool {tool.name!r}")
         obstacles.append(Obstacle.near(tool, nodes, reach))
-    motions = (Amount(x.what, x.motion) for x in obstacles)
-    factors = sorted({t for motion in motions for t in validated_at(motion)})
-    return known[deepest(obstacles, factors)[0]].name
+    return known[deepest(obstacles)[0]].name
 
 
 def amount_of(tool: Any, name: str, what: str) -> Amount:
@@ -366,11 +360,6 @@ def amount_of(tool: Any, name: str, what: str) -> Amount:
     for t in validated_at(amount):
         amount(t)
     return amount
-
-
-def validated_at(amount: Amount) -> list[float]:
-    """Load factors at which an amount is validated before a run."""
-    return [*np.linspace(0.0, 1.0, _CHECKED).tolist(), *amount.load_factors]
 
 
 def _with_friction(what: str, tool: Tool | Holder, term: _Term) -> _Term:

@@ -15,7 +15,7 @@ symmetric under half a turn about z.
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, TypeAlias, Unpack
 
 import numpy as np
 from numpy import ndarray
@@ -60,6 +60,11 @@ _OTHER_UNIT = 20.0
 _HOLDING = 0.01
 
 _NO_EXACT = "no exact solution is known"
+
+# Scenes whose holder presses.
+_Pressed: TypeAlias = (
+    declared.HemisphereForming | declared.DoubleDomeForming | declared.Forming
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,20 +150,19 @@ def _press_tools(
     name: str,
     punch: Surface,
     die: Surface,
-    given: declared.Formed,
-    travel: float,
+    given: _Pressed,
     outline: ndarray,
-    pressed: Surface | None = None,
-    sides: tuple[int | None, int | None] = (None, None),
+    sides: tuple[int | None, int | None] | None = None,
 ) -> list[Tool | Holder]:
     """Tools of a ply in the middle of the gap between holder and die.
 
-    A holder with a pressure or force presses the ply within an outline on a surface: by
-    default on the plane of the flange, else along the normals of the die, so that it
-    does not push the ply over a rounded edge.  ``sides`` are the sides of punch and die
-    on which the ply lies.
+    A holder with a pressure or force presses the ply within an outline on the plane of
+    the flange.  Of tools from files ``sides`` are the sides of punch and die on which
+    the ply lies; the holder presses along the normals of the die, so that it does not
+    push the ply over a rounded edge.
     """
-    gap = _gap_at_rest(name, given)
+    gap, travel = _gap_at_rest(name, given), given.travel
+    of_punch, of_die = sides or (None, None)
     if not (np.isfinite(travel) and travel):
         raise ValueError(
             f"{name}: the travel of the punch must be a length in mm other than 0, "
@@ -170,16 +174,16 @@ def _press_tools(
     if not (given.pressure is given.force is None):
         holder = replace(
             holder,
-            surface=pressed or flange,
-            side=sides[1] if pressed else -1,
+            surface=die if sides else flange,
+            side=of_die if sides else -1,
             outline=outline,
             gap=None,
             pressure=given.pressure,
             force=given.force,
         )
     tools = (
-        Tool(punch, motion=(0.0, 0.0, travel), side=sides[0], name="punch"),
-        Tool(die, side=sides[1], name="die"),
+        Tool(punch, motion=(0.0, 0.0, travel), side=of_punch, name="punch"),
+        Tool(die, side=of_die, name="die"),
         holder,
     )
     return [replace(tool, friction=given.friction) for tool in tools]
@@ -284,10 +288,10 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     punch = Punch(radius, (-x, -y, -radius - middle))
     hole = radius + positive_length(f"{name}: clearance", given.clearance)
     die = Die(hole, given.fillet, (-x, -y, middle))
-    travel = positive_length(f"{name}: travel", given.travel)
+    positive_length(f"{name}: travel", given.travel)
     edge = hole + die.fillet
     outline = _beyond(edge, edge, 2, given)
-    tools = _press_tools(name, punch, die, given, travel, outline)
+    tools = _press_tools(name, punch, die, given, outline)
     return _whole_if_moved(name, tools, given.mesh, given)
 
 
@@ -317,8 +321,8 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
     """
     name = "double_dome_forming"
     height, length, width = 60.0, 180.0, 75.0
-    middle, travel = 0.5 * _gap_at_rest(name, given), given.travel
-    if positive_length(f"{name}: travel", travel) > height:
+    middle = 0.5 * _gap_at_rest(name, given)
+    if (travel := positive_length(f"{name}: travel", given.travel)) > height:
         raise ValueError(
             f"{name}: the travel must be at most the height of the dome, {height:g} "
             f"mm, got {travel:g} mm"
@@ -330,7 +334,7 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
     die = _moved(dome(height, length, width), (x, y, -height - middle))
     flat = np.log(height / _FLAT_DOME) ** 0.25
     outline = _beyond(flat * length, flat * width, 4, given)
-    tools = _press_tools(name, punch, die, given, travel, outline)
+    tools = _press_tools(name, punch, die, given, outline)
     return _whole_if_moved(name, tools, given.mesh, given)
 
 
@@ -419,7 +423,7 @@ def forming(given: declared.Forming) -> Scene:
     presses = not (given.pressure is given.force is None)
     outline = _flange(die, up, flange) if presses else np.empty((2, 0))
     sides = _side(punch, up), _side(die, -up)
-    tools = _press_tools("forming", punch, die, given, travel, outline, die, sides)
+    tools = _press_tools("forming", punch, die, given, outline, sides)
     scene = formed_ply("forming", tools, given.mesh, axes, **given.ply())
     for name, tool in ("punch", punch), ("die", die):
         refuse_extent(f"forming: the {name}", tool, scene.mesh)

@@ -260,8 +260,8 @@ class Result:
         They state that nothing changes with the load factor; the checks that failed but
         only warn, each with the first load factor; an unresolved path; users' terms
         whose energy, residual and tangent contradict each other at the last state; and
-        friction without contact, extrapolated laws of compaction and holders over an
-        opening.
+        friction without contact or in long steps, extrapolated laws of compaction and
+        holders over an opening.
         """
         failed: dict[str, list[State]] = {}
         for state in self.every_state:

@@ -228,8 +228,10 @@ def _with_friction(rows: Sequence[Row]) -> dict[str, str]:
     for row, off in of:
         if ours and row["penalty"] in _SOFT:
             i = _SOFT.index(row["penalty"]) + 1
-            found[f"rubbing_difference_{i}"] = percent(off, ".2g")
-            found[f"rubbing_time_{i}"] = f"{row['seconds'] / ours['seconds']:.2g}"
+            found[f"rubbing_difference_{i}"] = percent(off, ".3f")
+            times = row["seconds"], ours["seconds"]
+            found[f"rubbing_times_{i}"] = f"{times[0]:.1f} s and {times[1]:.1f} s"
+            found[f"rubbing_time_{i}"] = f"{times[0] / times[1]:.2g}"
             found[f"rubbing_solves_{i}"] = f"{row['solves']} and {ours['solves']}"
     return found
 

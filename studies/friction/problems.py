@@ -32,6 +32,7 @@ from skfem_textile.contact import Compaction, pressing
 from skfem_textile.contact import holder as holders
 from skfem_textile.contact.outline import inside
 from skfem_textile.ply.parameters import NO_VALUES, Values
+from skfem_textile.scenes import Case, hemisphere_forming
 
 from ..common.rivals.nodes import contact_at_nodes
 from ..study import Row
@@ -104,6 +105,9 @@ class Belt:
         return [
             {
                 "case": str(self),
+                "mu": mu,
+                "wrap": self.wrap,
+                "elements": self.elements,
                 "force": last,
                 "exact": exact,
                 "off": last / exact - 1,
@@ -399,6 +403,8 @@ class Hemisphere:
     whole_areas
         True for a holder that presses on the whole area of nodes within its outline,
         instead of the part of each element there.
+    same_total
+        True if these areas are scaled to the sum of the areas of the parts.
     """
 
     parts: int
@@ -407,10 +413,12 @@ class Hemisphere:
     slip: float = 0.02
     at_nodes: bool = False
     whole_areas: bool = False
+    same_total: bool = False
 
     def __str__(self) -> str:
         where = ", contact at the nodes" if self.at_nodes else ""
         where += ", whole nodal areas" if self.whole_areas else ""
+        where += " of the same total" if self.same_total else ""
         return (
             f"hemisphere, {self.parts} parts, {self.steps} steps, μ {self.friction:g}, "
             f"slip {self.slip:g}{where}"
@@ -454,7 +462,8 @@ class Hemisphere:
 
     def rows(self) -> list[Row]:
         """Force, largest angle, draw-in, work of sliding and balance of energy."""
-        with whole_nodal_areas() if self.whole_areas else nullcontext():
+        areas = whole_nodal_areas(self.same_total)
+        with areas if self.whole_areas else nullcontext():
             result = self.stepper().run()
         ply, state = result.ply, result.states[-1]
         x, X = ply.positions(state.u), ply.nodes
@@ -490,15 +499,54 @@ class Hemisphere:
         ]
 
 
+@dataclass(frozen=True)
+class Steps:
+    """Hemisphere in a number of steps, by its holder, with a pressure or a gap."""
+
+    holder: str
+    steps: int
+
+    def __str__(self) -> str:
+        return f"steps, {self.holder}, {self.steps}"
+
+    def rows(self) -> list[Row]:
+        """Work of sliding, and its estimated error."""
+        if self.holder == "pressure":
+            stepper = Hemisphere(12, self.steps).stepper()
+        else:
+            scene = hemisphere_forming(friction=0.2)
+            fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+            stepper = Case(scene=scene, fabric=fabric, steps=self.steps).stepper()
+        result = stepper.run()
+        rubbing: list[Any] = pressing(result.ply)
+        errors = [tool.friction.errors(tool, result.states) for tool in rubbing]
+        return [
+            {
+                "case": str(self),
+                "holder": self.holder,
+                "steps": self.steps,
+                "work": float(lost(result)[-1]),
+                "error": float(np.sum(errors)),
+                "warned": any("work of friction" in x for x in result.warnings),
+            }
+        ]
+
+
 @contextmanager
-def whole_nodal_areas() -> Iterator[None]:
-    """Holders press on the whole area of each node within their outline."""
+def whole_nodal_areas(same_total: bool) -> Iterator[None]:
+    """Holders press on the whole area of each node within their outline.
+
+    With ``same_total`` times a factor, so that the sum equals the one of the parts of
+    elements within the outline.
+    """
     kind: Any = holders._Pressed
     before = kind._areas
 
     def whole(self: Any, u: ndarray, t: float) -> tuple[ndarray, ndarray]:
         x = self._points.positions(u)
         areas = self._summed(self._integrals) * inside(self._outline, x[:2])
+        if same_total:
+            areas *= before(self, u, t)[0].sum() / areas.sum()
         return areas, np.ones(x.shape[1])
 
     kind._areas = whole
@@ -561,7 +609,7 @@ def _of_slips(term: Any, state: State, slip: float) -> float:
 _RESOLUTIONS = (12, 10), (12, 20), (12, 40), (24, 10), (24, 20), (48, 20)
 
 # Angles of contact of belts in degrees, and elements along them.
-_BELTS = (30, 30), (30, 240), (90, 30), (90, 60), (180, 30), (180, 60), (180, 240)
+_BELTS = tuple((wrap, elements) for wrap in (30, 90, 180) for elements in (30, 60, 240))
 
 
 def problems() -> Iterator[Any]:
@@ -575,6 +623,8 @@ def problems() -> Iterator[Any]:
     for slope in (1.0, 0.5, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1):
         yield Wedge(slope)
     yield from map(Turning, (1, 2, 4, 5, 8, 16))
+    for holder in ("pressure", "gap"):
+        yield from (Steps(holder, steps) for steps in (3, 6, 12, 24, 48))
     for parts, steps in _RESOLUTIONS:
         yield Hemisphere(parts, steps)
     yield from (Hemisphere(24, 20, 0.2, slip) for slip in (0.1, 0.005, 0.001))
@@ -583,3 +633,7 @@ def problems() -> Iterator[Any]:
     for parts, steps in _RESOLUTIONS[:-1]:
         yield Hemisphere(parts, steps, at_nodes=True)
         yield Hemisphere(parts, steps, at_nodes=True, whole_areas=True)
+    for whole in (False, True):
+        yield Hemisphere(24, 20, 0.0, at_nodes=True, whole_areas=whole)
+    for mu in (0.2, 0.0):
+        yield Hemisphere(24, 20, mu, at_nodes=True, whole_areas=True, same_total=True)

@@ -2,18 +2,26 @@
 
 import argparse
 from collections.abc import Sequence
+from itertools import chain
 from typing import Any
 
-from ..common.tables import markdown_table, table
+from ..common.tables import grouped, markdown_table, on, percent, table
 from ..study import Part, Row, Study
 from . import extremes
-from .problems import problems
+from .problems import Hemisphere, problems
 
 # Further results that are exact.
 _FURTHER = "work", "area", "distance"
 
 # Elastic slip in mm and coefficient of the hemispheres whose energies are balanced.
 _SLIP, _RUBS = 0.02, 0.2
+
+# Areas on which the holder of a hemisphere presses.
+_AREAS: dict[str, dict[str, bool]] = {
+    "whole": {"whole_areas": True},
+    "same_total": {"whole_areas": True, "same_total": True},
+    "parts": {},
+}
 
 
 def exact(rows: list[Row]) -> str:
@@ -43,15 +51,21 @@ def _difference(x: float | None) -> str:
 
 
 def belts(rows: list[Row]) -> str:
-    """Tensions of belts against exact ones of polygons."""
-    columns = {"belt": "{belt}", "tension in N/mm": "{force:.5f}"}
-    columns |= {"of the polygon": "{exact:.5f}", "difference": "{off:.1e}"}
-    columns |= {
-        "by its kinks": "{product:.5f}",
-        "difference from it": "{off_product:.2e}",
-    }
-    known = [{**row, "belt": row["case"].removeprefix("belt, ")} for row in rows]
-    return table(known, {**columns, "solves": "{solves}"})
+    """Differences of the tensions of belts from the ones of polygons."""
+    belts = grouped(rows, "wrap", "elements")
+    coefficients = [f"μ {row['mu']:g}" for row in next(iter(belts.values()), [])]
+    heads = (on(mu, ("exact", "by its kinks")) for mu in coefficients)
+    return markdown_table(
+        ["angle", "elements", *chain(*heads)],
+        [
+            [
+                f"{wrap}°",
+                elements,
+                *chain(*((f"{x['off']:.1e}", f"{x['off_product']:.2e}") for x in of)),
+            ]
+            for (wrap, elements), of in belts.items()
+        ],
+    )
 
 
 def balances(rows: list[Row]) -> str:
@@ -79,6 +93,28 @@ def turning(rows: list[Row]) -> str:
     columns |= {"exact": "{exact:.3f}", "difference": "{off:.1%}"}
     known = [{**row, "shown": "yes" if row["warned"] else "no"} for row in rows]
     return table(known, {**columns, "warning": "{shown}"})
+
+
+def works(rows: list[Row]) -> str:
+    """Work of sliding of hemispheres by the number of steps, and estimated errors."""
+    return markdown_table(
+        [
+            *("holder", "steps", "work of sliding in N·mm"),
+            *("difference from the most steps", "estimated error", "warning"),
+        ],
+        [
+            [
+                f"with a {holder}",
+                row["steps"],
+                f"{row['work']:.1f}",
+                percent(row["work"] / of[-1]["work"] - 1, "+.1f"),
+                percent(row["error"] / row["work"], ".1f"),
+                "yes" if row["warned"] else "no",
+            ]
+            for holder, of in grouped(rows, "holder").items()
+            for row in of
+        ],
+    )
 
 
 def hemispheres(rows: list[Row]) -> str:
@@ -120,6 +156,7 @@ class Friction(Study[Any]):
         ),
         Part("belts.csv", {"belts.md": belts}, cases=("belt, *",)),
         Part("turning.csv", {"turning.md": turning}, cases=("turning plate, *",)),
+        Part("steps.csv", {"works.md": works}, cases=("steps, *",)),
         Part(
             "hemispheres.csv",
             {"hemispheres.md": hemispheres, "balances.md": balances},
@@ -140,6 +177,16 @@ class Friction(Study[Any]):
 
     def cases(self, options: argparse.Namespace) -> Sequence[Any]:
         return [*problems(), *extremes.extremes()]
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        """Forces of hemispheres with contact at the nodes, by areas of the holder."""
+        forces = {row["case"]: f"{row.get('force', 0):.3f} N" for row in rows}
+        return {
+            f"{name}_{rubs}": forces[case]
+            for name, options in _AREAS.items()
+            for rubs, mu in (("rubbing", _RUBS), ("free", 0.0))
+            if (case := str(Hemisphere(24, 20, mu, at_nodes=True, **options))) in forces
+        }
 
     def line(self, rows: list[Row]) -> str:
         """Outcome and cause of a problem drawn at random; all entries of others."""

@@ -130,8 +130,11 @@ def test_tools_are_selected_by_name_or_number():
 
 def test_a_key_of_tools_of_a_scene_is_named():
     scene = {"scene": {"name": "hemisphere_forming"}}
-    message = re.escape("in [[tools]], which is empty: write scene.friction")
-    refused(lambda: with_value(scene, "tools.*.friction", 0.1), message)
+    text = "in [[tools]], which is empty: write scene.friction for the tools of the"
+    for name, no in (("*", "table"), ("punch", "table 'punch'")):
+        message = re.escape(f"there is no {no} {text}")
+        path = f"tools.{name}.friction"
+        refused(lambda path=path: with_value(scene, path, 0.1), message)
 
 
 def test_names_of_tools_and_phases_may_contain_dots():

@@ -1,5 +1,6 @@
 """Checks of tools before a run: room between them, sides, contact."""
 
+import re
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -288,6 +289,55 @@ def test_travels_in_another_unit_are_refused_and_long_ones_a_warning(caplog):
         text = "'punch' pushes the ply by 61.8 mm, over half of the size of the whole"
         assert text in caplog.text
         caplog.clear()
+
+
+FAR_LID = drape.Plane((0, 0, 1000.0))
+OUT_OF_REACH = {
+    "at rest": Tool(FAR_LID, side=-1, friction=0.2, name="lid"),
+    "moving away": Tool(
+        drape.Plane((0, 0, 200.0)), UP, side=-1, friction=0.2, name="lid"
+    ),
+    "beside the ply": Holder(
+        *(drape.Plane((0, 0, 0.2)), 0.4),
+        motion=lambda t: (900.0 * (t < 0.9), 0, 0),
+        side=-1,
+        outline=SHEET,
+        friction=0.2,
+        name="lid",
+    ),
+}
+
+
+@pytest.mark.parametrize("far", OUT_OF_REACH.values(), ids=OUT_OF_REACH)
+def test_friction_of_a_tool_out_of_reach_is_a_warning_before_the_run(far, caplog):
+    """Unless it comes closer than the size of the ply, 120 mm, and all motions."""
+    comes = not isinstance(far, Tool)
+    check_tools(ply(punch(8.0), far))
+    text = r"friction of \w+ 'lid' will hardly have an effect: it stays .* mm away"
+    assert bool(re.search(text, caplog.text)) != comes
+    caplog.clear()
+    check_tools(ply(punch(8.0), replace(far, friction=0.0)))
+    near = replace(far, surface=drape.Plane((0, 0, 120.0)), motion=None)
+    check_tools(ply(punch(8.0), near))
+    check_tools(ply(punch(8.0), far), moved=1e4)
+    assert "friction" not in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("kind", "zero"),
+    [
+        ("pressure", {"pressure": 0.0}),
+        ("force", {"force": 0.0, "compaction": contact.Compaction(0.4, 1e-3, 7.0)}),
+    ],
+)
+def test_friction_of_a_holder_that_never_presses_is_a_warning(kind, zero, caplog):
+    holder = Holder(drape.Plane((0, 0, 0.2)), side=-1, friction=0.2, **zero)
+    check_tools(ply(punch(8.0), holder))
+    text = f"tool 'holder' will have no effect: its {kind} is 0: increase it, or omit"
+    assert text in caplog.text
+    caplog.clear()
+    check_tools(ply(punch(8.0), replace(holder, **{kind: lambda t: t})))
+    assert not caplog.text
 
 
 @pytest.mark.parametrize("kind", [drape.Sphere, drape.Punch])

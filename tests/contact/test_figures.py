@@ -135,6 +135,24 @@ def test_tools_open_further_than_the_punch_has_moved(driven, closed, opened):
     assert directions["die"][2] == (-1 if driven == "die" else 1)
 
 
+@pytest.mark.parametrize("reached", [1, 2, 3])
+def test_scene_and_result_name_the_same_driven_tool(reached):
+    """The tool that reaches deepest in the whole run, however far a result goes."""
+    tools = [
+        Tool(drape.Plane((30, 30, -0.1)), side=1, name="punch"),
+        Tool(drape.Plane((30, 30, 0.1)), side=-1, name="die"),
+    ]
+    phases = [
+        Phase("shift", 1, {"die": {"motion": (0, 0, -2)}}),
+        Phase("punch", 1, {"die": {"motion": (0, 0, 9)}, "punch": UP}),
+    ]
+    process = Process(phases, tools)
+    states = [SimpleNamespace(load_factor=i / 2) for i in range(reached)]
+    result = SimpleNamespace(ply=square(terms=process.tools), states=states)
+    assert figures.driven_tool(result) == "punch"
+    assert deepest_of(process.tools, result.ply.mesh.p) == "punch"
+
+
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_draw_in_of_a_quarter_is_along_the_planes_of_symmetry(formulation):
     """A rim whose edges move by a and b: these, and (a + b)/√2 at the corner."""

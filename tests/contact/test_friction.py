@@ -21,6 +21,7 @@ from skfem_textile import (
     Ply,
     Quadratic,
     StepError,
+    ToleranceStepper,
     Tool,
     Traction,
     drape,
@@ -469,6 +470,34 @@ def test_the_work_of_sliding_is_independent_of_the_steps(weight, steps):
     assert lost == pytest.approx({"plate": 2.4, "weight": 2.4}, rel=0.02)
 
 
+@pytest.mark.parametrize("weight", [RISING, FALLING])
+@pytest.mark.parametrize("steps", [2, 16])
+def test_the_error_of_the_work_is_estimated_by_bounds_at_ends_of_steps(weight, steps):
+    """Of a bound that grows to B, or falls from it, along a path s: B s/2 by steps."""
+    moved = {name: Condition(name, (2.0, 0.0, None)) for name in ("left", "right")}
+    result = between(None, steps, moved, **weight)
+    errors = [result.summary()[f"{x}_energy_lost_error"] for x in ("plate", "weight")]
+    assert errors == pytest.approx([2.4 / steps] * 2, rel=0.05)
+    text = "N·mm, has an estimated error of 1.2 N·mm, because contact forces change"
+    warned = [x for x in result.warnings if "work of friction on tool 'plate'" in x]
+    assert [text in x for x in warned] == [True] * (steps == 2)
+
+
+def test_the_history_of_friction_belongs_to_the_run_on_its_mesh():
+    """A displacement from another mesh replaces neither its steps nor its history."""
+    plate = Tool(PLANE, side=1, friction=0.3, name="plate")
+    ply = Ply(grid(20.0, 20.0, 1, 1), Fabric(1e5, 1e4), terms=[plate], dimension=3)
+    held = {"left": Condition("left")}
+    with pytest.raises(ValueError, match="friction of tools requires steps: omit it"):
+        LoadStepper(ply, held, initial_guess=ply.basis.zeros())
+
+    def stepper_at(density):
+        return LoadStepper(ply, held)
+
+    with pytest.raises(ValueError, match="requires laws and tools without friction"):
+        ToleranceStepper(stepper_at, tolerance=0.01)
+
+
 def advanced(placement, x, normal, force):
     """Work on a point with 2 N on a tool, and a force after a step between places x."""
     friction = Friction(lambda t: 0.3, 0.02, placement, lambda u: u.reshape(3, 1))
@@ -843,6 +872,22 @@ def test_friction_of_a_tool_that_touches_nothing_is_a_warning(caplog):
     assert result.ply.contradictions(early) == []
 
 
+@pytest.mark.parametrize(
+    ("kind", "zero"),
+    [
+        ("pressure", {"pressure": 0.0}),
+        ("force", {"force": 0.0, "compaction": Compaction(0.4, 1e-3, 7.0)}),
+    ],
+)
+def test_friction_of_a_holder_that_never_presses_is_a_warning(kind, zero):
+    """It touches the ply, but does not press."""
+    result = pressed_strip(**zero, friction=0.3)
+    text = f"friction of tool 'holder' has no effect: its {kind} is 0: increase it, or "
+    assert [x for x in result.warnings if "'holder'" in x] == [
+        f"{text}omit the friction"
+    ]
+
+
 def test_friction_of_zero_is_no_warning():
     """Neither of a tool that touches nothing nor of a long elastic slip."""
     lid = drape.Plane((0, 0, 5.0))
@@ -887,8 +932,9 @@ def test_a_force_beyond_the_last_measured_point_is_a_warning(force, beyond):
 def test_an_elastic_slip_of_the_size_of_elements_is_a_warning(slip, warned):
     holder = Holder(PLANE, pressure=0.1, side=1, friction=0.3, elastic_slip=slip)
     ply = Ply(grid(50.0, 10.0, 2, 1), Fabric(1e3, 1.0), terms=[holder], dimension=3)
+    rest, lost = ply.parameters_at_rest, {"holder": 1.0}
     state = SimpleNamespace(
-        u=ply.basis.zeros(), load_factor=1.0, parameters=ply.parameters_at_rest
+        u=ply.basis.zeros(), load_factor=1.0, parameters=rest, energy_lost=lost
     )
     expected = (
         "friction of tool 'holder' is elastic up to a slip of 2 mm, its elastic_slip, "

@@ -307,6 +307,21 @@ def test_a_tool_that_touches_nothing_restrains_nothing():
         LoadStepper(ply, pulled, steps=1, max_halvings=0).run()
 
 
+def test_a_tool_does_not_graze_a_held_edge_within_a_step():
+    """On its way it is 5 mm inside, so shallow that normals before and after agree."""
+    x = np.linspace(0.0, 100.0, 6)
+    mesh = MeshQuad.init_tensor(x, x[:3]).with_defaults()
+    surface = drape.Sphere(30.0, (-20.0, 20.0, -25.0))
+    tool = Tool(surface, (40.0, 0, 0), side=1, name="punch")
+    fabric = Fabric(1e3, 1.0, bending=(5.0, 5.0))
+    ply = Ply(mesh, fabric, terms=[tool], dimension=3)
+    held = {name: Condition(name) for name in ("left", "right")}
+    stepper = LoadStepper(ply, held, steps=1, max_halvings=0)
+    text = r"3 node\(s\) passed through tool 'punch', the first is node 1"
+    with pytest.raises(StepError, match=text):
+        stepper.run()
+
+
 def test_travel_is_from_the_initial_position():
     """Of a tool that stands beside its surface at the load factor 0."""
     tool = punch(lambda t: (0.0, 0.0, 30.0 * t - 10.0), side=1).on(blank().basis)
