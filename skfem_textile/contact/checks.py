@@ -4,7 +4,7 @@ import logging
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import permutations
+from itertools import pairwise, permutations
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,10 @@ _PUSHES = 4
 # Number of intervals between the load factors of which contact is checked.  Tools that
 # touch the ply move through its plane, and stay beyond it for longer.
 _INTERVALS = 40
+
+# Place between two load factors at which symmetry is also checked: the golden section,
+# at which no motion that repeats itself a few times is where it began.
+_GOLDEN = (5**0.5 - 1) / 2
 
 # Largest deviation of a tool from its mirror image, relative to the size of the ply,
 # and to the mean edge of its triangles.  It is 0.015 mm of 150 mm, above the rounding
@@ -300,8 +304,9 @@ def _refuse_asymmetric(ply: Ply, tools: Sequence[ToolTerm]) -> None:
     symmetrically: mirrored nodes that move with it are the mirror images of these.
     """
     planes = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
-    X = np.pad(ply.nodes, ((0, 1), (0, 0)))
-    for t in _load_factors(tools) if planes else ():
+    X, factors = np.pad(ply.nodes, ((0, 1), (0, 0))), _load_factors(tools)
+    within = [a + _GOLDEN * (b - a) for a, b in pairwise(factors)]
+    for t in (*factors, *within) if planes else ():
         travels = np.unique([tool.travel(t) for tool in tools], axis=0)
         moved = np.hstack([X + travel[:, None] for travel in travels])
         for tool in tools:

@@ -158,8 +158,8 @@ class Friction:
             return []
         work = f"{term._obstacle.what}, {lost[term.name]:.4g} N·mm, has an estimated"
         return [
-            f"work of friction on {work} error of {error:.2g} N·mm, because contact "
-            "forces change within steps: use more steps"
+            f"work of friction on {work} error of up to {error:.2g} N·mm in the "
+            "computed part, because contact forces change within steps: use more steps"
         ]
 
     def _slid(self, p: Values, u: ndarray, t: float, force: ndarray) -> ndarray:

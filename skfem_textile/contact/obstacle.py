@@ -353,7 +353,10 @@ class ToolTerm(ElementTerm):
     role = "load"
     friction: Any = None
     constrains = True
-    idle = "it touches nothing: check its position, motion and unit of length"
+    idle = (
+        "no free node presses on it: check its position, motion and unit of length, "
+        "and conditions along its normal"
+    )
     amounts: tuple[Any, ...] = ()
 
     def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:

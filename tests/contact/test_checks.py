@@ -219,6 +219,8 @@ def test_a_tool_without_the_symmetry_of_a_quarter_is_refused(tool, boundary):
     [
         (lambda t: (turned(0.3 * t, 2), np.zeros(3)), "left"),
         (lambda t: (turned(0.3 * t * (1 - t), 0), np.zeros(3)), "bottom"),
+        (lambda t: (turned(4 * np.pi * t, 2), np.zeros(3)), "left"),
+        (lambda t: np.array([np.sin(8 * np.pi * t), 0.0, 0.0]), "left"),
         ((0.0, 1.0, 0.0), "bottom"),
     ],
 )

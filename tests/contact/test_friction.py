@@ -478,7 +478,7 @@ def test_the_error_of_the_work_is_estimated_by_bounds_at_ends_of_steps(weight, s
     result = between(None, steps, moved, **weight)
     errors = [result.summary()[f"{x}_energy_lost_error"] for x in ("plate", "weight")]
     assert errors == pytest.approx([2.4 / steps] * 2, rel=0.05)
-    text = "N·mm, has an estimated error of 1.2 N·mm, because contact forces change"
+    text = "N·mm, has an estimated error of up to 1.2 N·mm in the computed part"
     warned = [x for x in result.warnings if "work of friction on tool 'plate'" in x]
     assert [text in x for x in warned] == [True] * (steps == 2)
 
@@ -862,8 +862,8 @@ def pressed_strip(**holder):
 def test_friction_of_a_tool_that_touches_nothing_is_a_warning(caplog):
     result = pressed_strip(pressure=0.01, friction=0.3)
     expected = (
-        "friction of tool 'lid' has no effect: it touches nothing: check its position, "
-        "motion and unit of length"
+        "friction of tool 'lid' has no effect: no free node presses on it: check its "
+        "position, motion and unit of length, and conditions along its normal"
     )
     assert [x for x in result.warnings if "friction" in x] == [expected]
     assert "untouched_tools" not in result.summary()  # it is said once
