@@ -37,10 +37,6 @@ _PUSHES = 4
 # touch the ply move through its plane, and stay beyond it for longer.
 _INTERVALS = 40
 
-# Place between two load factors at which symmetry is also checked: the golden section,
-# at which no motion that repeats itself a few times is where it began.
-_GOLDEN = (5**0.5 - 1) / 2
-
 # Largest deviation of a tool from its mirror image, relative to the size of the ply,
 # and to the mean edge of its triangles.  It is 0.015 mm of 150 mm, above the rounding
 # of positions; the smooth surfaces of symmetric shapes with irregular triangles deviate
@@ -305,7 +301,9 @@ def _refuse_asymmetric(ply: Ply, tools: Sequence[ToolTerm]) -> None:
     """
     planes = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
     X, factors = np.pad(ply.nodes, ((0, 1), (0, 0))), _load_factors(tools)
-    within = [a + _GOLDEN * (b - a) for a, b in pairwise(factors)]
+    # At the golden section no motion that repeats itself a few times is where it began.
+    golden = (5**0.5 - 1) / 2
+    within = [a + golden * (b - a) for a, b in pairwise(factors)]
     for t in (*factors, *within) if planes else ():
         travels = np.unique([tool.travel(t) for tool in tools], axis=0)
         moved = np.hstack([X + travel[:, None] for travel in travels])
