@@ -301,7 +301,8 @@ def _refuse_asymmetric(ply: Ply, tools: Sequence[ToolTerm]) -> None:
     """
     planes = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
     X, factors = np.pad(ply.nodes, ((0, 1), (0, 0))), _load_factors(tools)
-    # At the golden section no motion that repeats itself a few times is where it began.
+    # At equal load factors a motion that repeats itself may be where it began, but not
+    # at the golden section between them.
     golden = (5**0.5 - 1) / 2
     within = [a + golden * (b - a) for a, b in pairwise(factors)]
     for t in (*factors, *within) if planes else ():
