@@ -8,7 +8,6 @@ from numpy import ndarray
 
 from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
-from ..solve.largest_angle import largest_shear_angle
 from ..solve.quantities import IN_SPACE, LOST, Quantity
 from ..solve.result import Result, components_mm
 from ..solve.states import State
@@ -252,7 +251,7 @@ def phase_table(result: Result, process: Any) -> list[dict[str, Any]]:
             "load_factor": t,
             **{key: column[i].item() for key, column in columns.items()},
             **result.clamp_forces(state),
-            IN_SPACE.key: float(np.degrees(largest_shear_angle(ply, u))),
+            IN_SPACE.key: float(np.degrees(ply.largest_shear_angle(u))),
             "max_draw_in_mm": float(draw_in(ply, u).inwards.max()),
             "wrinkle_risk_share_of_area": share_of_area(ply, risk),
         }

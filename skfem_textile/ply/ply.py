@@ -342,6 +342,12 @@ class Ply(SumOfTerms):
 
         return recovery(self.mesh)
 
+    def largest_shear_angle(self, u: ndarray) -> float:
+        """Largest shear angle in radians, recovered at the nodes or at the centres."""
+        angle = self.shear_angle(u, self.centre)[:, 0]
+        at_nodes = self.recovery @ angle
+        return float(max(np.abs(at_nodes).max(), np.abs(angle).max()))
+
     @cached_property
     def _at_users_nodes(self) -> csr_matrix:
         """Values of nodal fields at the user's nodes, (n_users_points, n_nodes)."""

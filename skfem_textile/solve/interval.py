@@ -190,6 +190,21 @@ class ErrorInterval:
         known = self.reactions.get(name)
         return [None] * d if known is None else known.tolist()
 
+    def of_largest_angle(self, ply: Ply, u: ndarray) -> float | None:
+        """Half-width of `Ply.largest_shear_angle` in radians; None without an interval.
+
+        It is increased by the difference between the recovered and the computed angle
+        around the peak (Zienkiewicz & Zhu 1992).
+        """
+        try:
+            low, high = self.of(Ply.largest_shear_angle)
+        except ValueError:
+            return None
+        angle, t = ply.shear_angle(u, ply.centre)[:, 0], ply.mesh.t
+        near = np.isin(t, t[:, np.abs(angle).argmax()]).any(axis=0)
+        off = (ply.recovery @ angle)[t].mean(axis=0) - angle
+        return (high - low) / 2 + float(np.sqrt(np.mean(off[near] ** 2)))
+
     def of(self, quantity: Quantity) -> tuple[float, float]:
         """Lower and upper end of the interval of a quantity.
 

@@ -17,7 +17,6 @@ from ..ply.terms import ContactTerm
 from ..surfaces.surface import Surface
 from .conditions import Conditions
 from .continuation import path_warning
-from .largest_angle import figures_of_shear
 from .linear.solver import Choice
 from .on_surface import OnSurface
 from .quantities import IN_PLANE, IN_SPACE, LOST, OF_PLY, SLIP, Quantity, first_rows
@@ -354,7 +353,11 @@ class Result:
         of_load, of_tools = self._figures_of_load(driven), self._figures_of_tools()
         of_clamps = self._figures_of_clamps()
         in_space = components(ply.basis) == 3
-        of_shear = figures_of_shear(ply, u, error) if in_space else {}
+        of_shear: dict[str, float | None] = {}
+        if in_space:
+            key, half = IN_SPACE.key, error.of_largest_angle(ply, u)
+            of_shear[key] = float(np.degrees(ply.largest_shear_angle(u)))
+            of_shear[f"{key}_half_width"] = half and float(np.degrees(half))
         figures = of_load, of_tools, of_clamps
         first = [row for one in figures for row in one.get("first", [])]
         return {
