@@ -107,9 +107,17 @@ class PlyContact(ContactTerm):
         """See `ContactTerm.relative`."""
         return self._on(u).relative
 
-    def coupled(self, u: ndarray) -> csr_matrix:
+    def coupled(self, u: ndarray, p: Values) -> Sequence[csr_matrix]:
         """See `ContactTerm.coupled`."""
-        return self._on(u).coupled
+        rubs = self.friction and p["bound"].any()
+        return [self._on(u).coupled, *([self.friction.matrix(p)] if rubs else ())]
+
+    def around(self, u: ndarray) -> csr_matrix:
+        """See `ContactTerm.around`."""
+        n, nodes = self.areas.size, self._on(u).feet.nodes
+        every = np.vstack([nodes, self.rows])
+        at = np.tile(self.rows, len(every)), every.ravel()
+        return csr_matrix(csr_matrix((np.ones(every.size), at), (n, n)) @ self.points)
 
     def curved(self, u: ndarray, t: float, forces: ndarray) -> tuple[ndarray, ndarray]:
         """See `ContactTerm.curved`."""
@@ -127,10 +135,6 @@ class PlyContact(ContactTerm):
         gap, kappa = self.gaps(u, t, p), p["stiffness"]
         pressed = p["force"] - kappa * np.where(np.isfinite(gap), gap, 0.0)
         return np.where(np.isfinite(gap), np.maximum(pressed, 0.0), 0.0)
-
-    def couplings(self, u: ndarray, p: Values) -> Sequence[csr_matrix]:
-        """See `ContactTerm.couplings`."""
-        return [self.coupled(u), *([self.friction.matrix(p)] if self.friction else ())]
 
     def potential(self, u: ndarray, t: float, p: Values) -> float:
         """Σ (max(λ − κ g, 0)² − λ²)/2κ."""
@@ -168,7 +172,7 @@ class PlyContact(ContactTerm):
             every = np.zeros((3, 3, kappa.size))
             every[..., nodes] = -curved
             stiffness = np.where(touches, kappa, 0.0) * n[:, None] * n
-            found += [(self.coupled(u), stiffness), (self.points, every)]
+            found += [(self._on(u).coupled, stiffness), (self.points, every)]
         return found
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
@@ -183,8 +187,8 @@ class PlyContact(ContactTerm):
 
     def couples(self) -> Sequence[ndarray]:
         """Nodes of the plies on each other at rest."""
-        rows = self.coupled(np.zeros(3 * self.areas.size))[self.rows]
-        return [padded(rows)[0]] if rows.shape[0] else []
+        rows = self._on(np.zeros(3 * self.areas.size)).coupled[self.rows]
+        return [padded(rows)[0]]
 
     def gaps_at(self, x: ndarray, t: float) -> ndarray:
         """See `ContactTerm.gaps_at`: no tool limits any point."""

@@ -222,14 +222,14 @@ class SumOfTerms(FabricOnBasis):
         d = self._d
         return Pattern(d, self.basis.N // d, elements, [*couples, *self._coupled])
 
-    def couple(self, rows: csr_matrix) -> None:
-        """Extend the ``pattern`` by pairs of nodes in the rows of a matrix, if needed.
+    def couple(self, matrices: Iterable[csr_matrix]) -> None:
+        """Extend the ``pattern`` by pairs of nodes in the rows of matrices.
 
-        The matrix has the shape (n, n_nodes).
+        Each has the shape (n, n_nodes).
         """
-        if not self.pattern.covers(rows):
+        for rows in matrices:
             self._coupled.append(padded(rows[np.diff(rows.indptr) > 0])[0])
-            del self.pattern
+        del self.pattern
 
     @cached_property
     def _kinds(self) -> _Kinds:

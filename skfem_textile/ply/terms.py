@@ -207,8 +207,15 @@ class ContactTerm(Term):
         """
         return self.points
 
-    def coupled(self, u: ndarray) -> csr_matrix:
-        """The same weights without those that the tangent omits."""
+    def coupled(self, u: ndarray, p: Values) -> Sequence[csr_matrix]:
+        """Weights of the nodes that the tangent couples, of normal forces and friction.
+
+        Those of normal forces are ``relative`` without round-off.
+        """
+        return (self.points,)
+
+    def around(self, u: ndarray) -> csr_matrix:
+        """Matrix in whose rows are all nodes of the elements on each other."""
         return self.points
 
     def blocks(
@@ -216,10 +223,6 @@ class ContactTerm(Term):
     ) -> Sequence[tuple[csr_matrix, ndarray]]:
         """Tangent as sums over points: weights of the nodes, and blocks (3, 3, n)."""
         raise NotImplementedError
-
-    def couplings(self, u: ndarray, p: Values) -> Sequence[csr_matrix]:
-        """Matrices that couple the nodes in their rows, as far as they may change."""
-        return ()
 
     def curved(self, u: ndarray, t: float, forces: ndarray) -> tuple[ndarray, ndarray]:
         """Second derivatives Σ λ ∇²g by contact points, for forces λ of all nodes.

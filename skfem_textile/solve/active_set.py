@@ -333,7 +333,7 @@ class _LinearGaps:
         kappa = values(problem, at.parameters, "stiffness").max(axis=1, keepdims=True)
         of_tools = [i for i, x in enumerate(contacts) if not x.of_plies]
         relative = [
-            (x.relative(at.u), x.coupled(at.u), [i])
+            (x.relative(at.u), x.coupled(at.u, at.parameters[x.name])[0], [i])
             for i, x in enumerate(contacts)
             if x.of_plies
         ]

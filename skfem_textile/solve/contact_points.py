@@ -33,10 +33,14 @@ def curved(
 def couple(
     ply: Ply, contacts: list[ContactTerm], u: ndarray, parameters: PlyParameters
 ) -> None:
-    """Extend the sparsity pattern by the nodes of plies that are now on each other."""
-    for contact in contacts:
-        for rows in contact.couplings(u, parameters[contact.name]):
-            ply.couple(rows)
+    """Extend the sparsity pattern by the nodes of plies that are now on each other.
+
+    By all nodes of their elements, so that it is not extended at each displacement.
+    """
+    plies = [x for x in contacts if x.of_plies]
+    needed = [m for x in plies for m in x.coupled(u, parameters[x.name])]
+    if not all(map(ply.pattern.covers, needed)):
+        ply.couple([x.around(u) for x in plies] + needed)
 
 
 def between_tools(
@@ -70,5 +74,5 @@ def between_tools(
             n, p = x.normals(u, t), parameters[x.name]
             kappa = np.where(np.isfinite(x.gaps(u, t, p)), p["stiffness"], 0.0)
             stiffness = STIFFNESS_OF_GAP * kappa * n[:, None] * n
-            blocks = blocks + ply.pattern.summed(x.coupled(u), stiffness)
+            blocks = blocks + ply.pattern.summed(x.coupled(u, p)[0], stiffness)
     return blocks
