@@ -396,8 +396,8 @@ class Formed(WithTools):
         closed=True,
     )
     gap: float | None = mm(
-        f"distance between die and holder (default: {HOLDER_GAP:g} without a pressure "
-        "or force)",
+        f"distance between die and holder (default: {HOLDER_GAP:g} and the thickness "
+        "of all plies of a lay-up, without a pressure or force)",
         default=None,
         name="holder_gap",
     )

@@ -91,8 +91,8 @@ def _angle_deg(text: str, entry: str, crossing_deg: float) -> float:
         stated = [float(angle) for angle in found.groups() if angle]
     else:
         raise ValueError(
-            f"the lay-up {excerpt(text)!r} has a ply {excerpt(entry)!r}, which is no "
-            f"angle and no pair of angles in degrees: {_EXAMPLE}"
+            f"the lay-up {excerpt(text)!r} has a ply {excerpt(entry)!r}, which is "
+            f"neither an angle nor a pair of angles in degrees: {_EXAMPLE}"
         )
     if max(map(abs, stated)) > MOST_DEGREES:
         raise ValueError(
