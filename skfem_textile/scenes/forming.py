@@ -34,12 +34,12 @@ from ..solve.result import Result
 from ..surfaces.analytic import Die, Height, HeightField, Plane, Punch, positive_length
 from ..surfaces.analytic import double_dome as dome
 from ..surfaces.surface import SAME_AXES, Axes, Surface
-from .plies import plies_of
 from .rectangle import flat_ply, free_edges, half_way, in_planes
 from .scene import Scene, with_parameters
 
 if TYPE_CHECKING:
     from ..surfaces.triangle_mesh import TriangleMesh
+    from .plies import Plies
 
 #: Default distance between die and holder in mm.
 GAP = declared.HOLDER_GAP
@@ -132,7 +132,7 @@ def formed_ply(
         cannot be read.
     """
     given = declared.Formed(**ply)
-    plies = plies_of(name, given)
+    plies = _plies(name, given)
     turned_deg = plies.angles_deg if plies else ()
     at_rest = flat_ply(name, mesh, turned_deg, **given.ply())
     flat, _, tension, held = at_rest
@@ -209,9 +209,23 @@ def _gap_at_rest(name: str, given: declared.Formed) -> float:
             f"{' or '.join(stated)}"
         )
     if given.gap is None:
-        plies = plies_of(name, given)
+        plies = _plies(name, given)
         return GAP + (sum(plies.thickness) if plies else 0.0)
     return _gap(name, given.gap)
+
+
+def _plies(name: str, given: declared.Formed) -> "Plies | None":
+    """Plies of the lay-up of a scene; None without."""
+    if given.layup is not None:
+        from .plies import plies_of  # needed for few scenes
+
+        return plies_of(name, given.layup, given)
+    for key in "ply_friction", "ply_thickness":
+        if np.any(getattr(given, key)):
+            raise ValueError(
+                f"{name}: {key} requires layup, because there is one ply: set it too"
+            )
+    return None
 
 
 def _beyond(

@@ -71,34 +71,27 @@ class Plies:
         return Stack(plies, friction=self.friction, **of_plies)
 
 
-def plies_of(name: str, given: Formed) -> Plies | None:
-    """Plies of the lay-up of a scene; None without.
+def plies_of(name: str, layup: str | Sequence[float], given: Formed) -> Plies:
+    """Plies of the lay-up of a scene.
 
     Parameters
     ----------
     name
         Name of the scene, for messages.
+    layup
+        The lay-up as a text, or angles in degrees.
     given
-        Its parameters.
+        Further parameters of the scene.
 
     Raises
     ------
     ValueError
         If the lay-up cannot be read, a thickness is negative, a coefficient of friction
-        is not between 0 and 2, a table of them is not symmetric or has not a row for
-        each ply, or there are any of these without a lay-up.
+        is not between 0 and 2, or a table of them is not symmetric or has not a row for
+        each ply.
     """
-    stated = {key: getattr(given, key) for key in ("ply_friction", "ply_thickness")}
-    if given.layup is None:
-        for key, value in stated.items():
-            if np.any(value):
-                raise ValueError(
-                    f"{name}: {key} requires layup, because there is one ply: set it "
-                    "too"
-                )
-        return None
     with errors_in(f"{name}: "):
-        angles = _angles_deg(given.layup)
+        angles = _angles_deg(layup)
         thickness = real_numbers("ply_thickness", given.ply_thickness)
         n = len(angles)
         if thickness.shape not in ((), (n,)):
