@@ -74,7 +74,8 @@ def with_plies(file: Any) -> Any:
     Raises
     ------
     ValueError
-        If the scene has no plies that are formed together, or its own.
+        If the scene has no plies that are formed together, or its own, or there is one
+        table.
     """
     if not file.plies:
         return file
@@ -87,6 +88,11 @@ def with_plies(file: Any) -> Any:
     if scene.layup is not None:
         raise ValueError(
             "scene.layup and [[plies]] both describe the plies: omit one of them"
+        )
+    if len(file.plies) < 2:
+        raise ValueError(
+            "[[plies]] describe one ply: add another table, or set scene.fibres_deg and "
+            "the laws of the case instead"
         )
     plain = scene.ply_thickness_mm
     stated = [ply.thickness_mm for ply in file.plies]

@@ -86,12 +86,17 @@ def plies_of(name: str, layup: str | Sequence[float], given: Formed) -> Plies:
     Raises
     ------
     ValueError
-        If the lay-up cannot be read, a thickness is negative, a coefficient of friction
-        is not between 0 and 2, or a table of them is not symmetric or has not a row for
-        each ply.
+        If the lay-up cannot be read or has one ply, a thickness is negative, a
+        coefficient of friction is not between 0 and 2, or a table of them is not
+        symmetric or has not a row for each ply.
     """
     with errors_in(f"{name}: "):
         angles = _angles_deg(layup)
+        if len(angles) < 2:
+            raise ValueError(
+                "layup must have at least two plies: omit it for one ply, and turn its "
+                "fabric by fibres"
+            )
         thickness = real_numbers("ply_thickness", given.ply_thickness)
         n = len(angles)
         if thickness.shape not in ((), (n,)):

@@ -130,9 +130,9 @@ def test_the_command_line_has_the_options_of_a_lay_up(capsys, tmp_path):
     run = "run", "hemisphere_forming", "--out", str(tmp_path / "out")
     message = rejected(capsys, *run, "--layup", "[0/90, 45]x")
     assert "the lay-up '[0/90, 45]x' ends with 'x'" in message
-    message = rejected(capsys, *run, "--layup", "[0]", "--ply-friction", "3")
+    message = rejected(capsys, *run, "--layup", "[0]2", "--ply-friction", "3")
     assert "ply_friction must be between 0 and 2, got 3" in message
-    message = rejected(capsys, *run, "--layup", "[0]", "--ply-thickness", "-1")
+    message = rejected(capsys, *run, "--layup", "[0]2", "--ply-thickness", "-1")
     assert "ply_thickness must be a length of at least 0 mm" in message
     file = tmp_path / "new.toml"
     assert cli.main(["init", str(file), "--scene", "forming"]) == 0
@@ -148,7 +148,10 @@ def test_the_command_line_has_the_options_of_a_lay_up(capsys, tmp_path):
         (tables({}, {"thickness_mm": -1}), r"ply_2\.thickness_mm must be a number >="),
         (tables({"fabric": "nix"}), r"ply_1\.fabric nix is neither a file"),
         (tables({"fabric": "nix.json"}), r"ply_1\.fabric nix\.json: no such file"),
-        (tables(PLIES[1] | {"shear": OWN}), r"ply_1\.shear sets a law, but ply_1\.fab"),
+        (
+            tables({}, PLIES[1] | {"shear": OWN}),
+            r"ply_2\.shear sets a law, but ply_2\.fabric contains all laws",
+        ),
         (
             tables({}, {"shear": OWN}) | {"fabric": {"file": WEAVE}},
             r"ply_2\.shear sets a law, but fabric\.file contains all laws",
@@ -157,6 +160,8 @@ def test_the_command_line_has_the_options_of_a_lay_up(capsys, tmp_path):
         (tables({}, {}, ply_friction=[[0, 0.1]]), "ply_friction must be one coeff"),
         (tables({}, {}, ply_friction=[[0, 0.1], [0.2, 0]]), "must be symmetric"),
         (tables(ply_friction=0.1), "ply_friction requires layup"),
+        (tables(layup="[0/90]"), "layup must have at least two plies: omit it"),
+        (tables({}), r"\[\[plies\]\] describe one ply: add another table"),
         (tables(layup=30), r"scene\.layup must be text"),
         (tables(layup="[0/80]"), "has a ply '0/80' with 80° from warp to weft"),
         ({**tables(), "plies": 3}, r"plies must be an array of tables, \[\[plies\]\]"),
