@@ -91,8 +91,8 @@ def with_plies(file: Any) -> Any:
         )
     if len(file.plies) < 2:
         raise ValueError(
-            "[[plies]] describe one ply: add another table, or set scene.fibres_deg and "
-            "the laws of the case instead"
+            "[[plies]] describe one ply: add another table, or set scene.fibres_deg "
+            "and the laws of the case instead"
         )
     plain = scene.ply_thickness_mm
     stated = [ply.thickness_mm for ply in file.plies]
