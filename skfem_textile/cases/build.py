@@ -300,6 +300,14 @@ def _refuse_contradictions(file: CaseFile) -> None:
         in_space = issubclass(file.scene.declaration, WithTools)
         if getattr(file.output, key) and not in_space:
             raise ValueError(f"output.{key} requires a scene with tools")
+        if getattr(file.output, key) and (file.plies or _has_layup(file)):
+            raise ValueError(
+                f"output.{key} describes one ply, but the case has several: omit it"
+            )
+
+
+def _has_layup(file: CaseFile) -> bool:
+    return getattr(file.scene, "layup", None) is not None
 
 
 def refuse_incomplete(

@@ -162,6 +162,14 @@ def test_the_command_line_has_the_options_of_a_lay_up(capsys, tmp_path):
         (tables(ply_friction=0.1), "ply_friction requires layup"),
         (tables(layup="[0/90]"), "layup must have at least two plies: omit it"),
         (tables({}), r"\[\[plies\]\] describe one ply: add another table"),
+        (
+            tables({}, {}) | {"output": {"trim": WEAVE}},
+            r"output\.trim describes one ply, but the case has several",
+        ),
+        (
+            tables(layup="[0]2") | {"output": {"trim": WEAVE}},
+            r"output\.trim describes one ply, but the case has several",
+        ),
         (tables(layup=30), r"scene\.layup must be text"),
         (tables(layup="[0/80]"), "has a ply '0/80' with 80° from warp to weft"),
         ({**tables(), "plies": 3}, r"plies must be an array of tables, \[\[plies\]\]"),
