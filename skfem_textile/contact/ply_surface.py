@@ -26,7 +26,7 @@ _MOST, _ROUND_OFF = 30, 1e-10
 
 # Reference coordinates outside an element from which on the foot is in the one beside
 # it, before the iteration converges and after it.
-_FAR_OUT, _OUT = 0.3, 1e-7
+_FAR_OUT, _OUT = 0.3, 1e-12
 
 # Reference coordinates beyond an element up to which it is extrapolated.
 _BEYOND = 1.0
