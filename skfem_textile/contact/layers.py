@@ -53,7 +53,7 @@ class Layers:
     @cached_property
     def points(self) -> ContactPoints:
         """Contact points of all nodes."""
-        return ContactPoints(self.X, self._basis)
+        return ContactPoints(self.X, self._basis, recovered=False)
 
     @cached_property
     def areas(self) -> ndarray:

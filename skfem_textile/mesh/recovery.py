@@ -209,6 +209,8 @@ class ContactPoints:
         Nodes of the undeformed ply in mm, shape (3, n_nodes).
     basis
         Basis of the displacement.
+    recovered
+        False for the nodes themselves.
 
     Attributes
     ----------
@@ -218,10 +220,11 @@ class ContactPoints:
         Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
     """
 
-    def __init__(self, X: ndarray, basis: CellBasis) -> None:
+    def __init__(self, X: ndarray, basis: CellBasis, recovered: bool = True) -> None:
         self._X, self.matrix = X, csr_matrix(identity(X.shape[1]))
         mirrors = getattr(basis, "mirrors", ())
-        if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]
+        bilinear: Any = basis.elem
+        if recovered and isinstance(bilinear.elem, ElementQuad1):
             self.matrix = contact_points(basis.mesh, mirrors)
         self._mirrors = [nodes_and_normal(basis.mesh, edges) for edges in mirrors]
         self.nodes, self._weights = padded(self.matrix)
