@@ -109,7 +109,15 @@ class Obstacle:
             )
         refuse_extent(what, tool.surface, basis.mesh)
         layers = getattr(basis, "layers", None)
-        return cls.near(tool, layers.X if layers else node_positions(basis), reach)
+        if not layers:
+            return cls.near(tool, node_positions(basis), reach)
+        if tool.thickness:
+            raise ValueError(
+                f"{what}: the plies of a stack have their own thickness: omit the "
+                f"thickness {tool.thickness:g} mm of the tool"
+            )
+        thinnest = replace(tool, thickness=float(layers.thickness.min()))
+        return cls.near(thinnest, layers.X, reach)
 
     @classmethod
     def near(
@@ -560,9 +568,10 @@ class ToolContact(ToolTerm, ContactTerm):
         super().__init__(name, obstacle, basis)
         self.points = self._points.matrix
         self.areas = asm(LinearForm(lambda v, w: v[0]), basis)[::3]
-        self._takes_part = self.areas > ROUND_OFF * self.areas.max()
+        self._takes_part, self._thicker = self.areas > ROUND_OFF * self.areas.max(), 0.0
         if layers := getattr(basis, "layers", None):
             self._takes_part &= layers.exposed(obstacle.from_below)
+            self._thicker = 0.5 * layers.thickness[layers.ply] - obstacle.half
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
 
@@ -579,7 +588,7 @@ class ToolContact(ToolTerm, ContactTerm):
         """See `ContactTerm.gaps`."""
         at = self._at(u, t)
         gap = self._obstacle.gap_of(at, p["outlined"], t) if "outlined" in p else at.gap
-        return np.where(self._takes_part, gap, np.inf)
+        return np.where(self._takes_part, gap - self._thicker, np.inf)
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
         """Nodes that cross its outline, else see `ToolTerm`."""

@@ -115,6 +115,7 @@ class Stack(Ply):
             coefficient = self.friction[contact.between]
             if callable(coefficient) or coefficient:
                 amount = Amount(_FRICTION, coefficient, Limits(0.0))
+                amount(0.0)  # refuses what is no coefficient
                 contact.with_friction(amount, self.elastic_slip)
         return [*super()._needed_terms(tension, corners), *contacts]
 

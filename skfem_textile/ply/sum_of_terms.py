@@ -115,6 +115,7 @@ class SumOfTerms(FabricOnBasis):
         }
         self._d = components(basis)
         self._coupled: list[ndarray] = []
+        self._at_rest: Pattern | None = None
         self._last: tuple[
             bytes,
             dict[IntegrationPoints, FibreDeformation],
@@ -229,7 +230,13 @@ class SumOfTerms(FabricOnBasis):
         """
         for rows in matrices:
             self._coupled.append(padded(rows[np.diff(rows.indptr) > 0])[0])
+        self._at_rest = self._at_rest or self.pattern
         del self.pattern
+
+    def uncouple(self) -> None:
+        """Restore the ``pattern`` at rest: those of steps are independent."""
+        if self._at_rest:
+            self._coupled, self.pattern = [], self._at_rest
 
     @cached_property
     def _kinds(self) -> _Kinds:

@@ -291,6 +291,7 @@ class Problem:
 
     def at(self, load_factor: float, propping: ndarray | float = 0.0) -> "Problem":
         """The same problem, with the same clock, at another load factor."""
+        self.ply.uncouple()
         _ = self.system, self._size  # so that both share them
         other = copy(self)
         other.load_factor, other.propping = load_factor, propping
