@@ -76,6 +76,7 @@ class PlyContact(ContactTerm):
         self._others = np.flatnonzero(bare & (layers.ply == coarser))
         self._surface, self._back = layers.surfaces[coarser], layers.surfaces[finer]
         self._size = layers.size_of[coarser]
+        self._half = 0.5 * layers.size_of[finer] / self._size
         self._apart = 0.5 * layers.thickness[list(between)].sum()
         self._points = layers.points
         self.points = self._points.matrix
@@ -94,9 +95,9 @@ class PlyContact(ContactTerm):
         return np.where(within, at.gap, np.inf)
 
     def within(self, u: ndarray) -> ndarray:
-        """True for nodes that are above or below the other ply."""
+        """True for nodes of which at least half of the area is on the other ply."""
         within = np.zeros(self.areas.size, dtype=bool)
-        within[self.rows] = self._on(u).feet.off <= _ROUND_OFF
+        within[self.rows] = self._on(u).feet.off <= self._half
         return within
 
     def normals(self, u: ndarray, t: float) -> ndarray:
@@ -209,7 +210,7 @@ class PlyContact(ContactTerm):
             return nodes[:0]
         feet = self._back.feet(x, x[:, nodes])
         depth = self._apart + self._side * feet.heights(x[:, nodes])
-        inside = (feet.off <= _ROUND_OFF) & (depth > _INSIDE * self._size)
+        inside = (feet.off == 0) & (depth > _INSIDE * self._size)
         return nodes[inside]
 
     def with_friction(self, coefficient: Callable[[float], float], slip: float) -> None:
@@ -257,10 +258,6 @@ class PlyContact(ContactTerm):
         both = [csr_matrix(W @ self.points) for W in every]
         self._last_feet = key, (on := _Feet(x, feet, *both))
         return on
-
-
-# Distance from an element, in reference coordinates, that is round-off.
-_ROUND_OFF = 1e-6
 
 
 class _Forces(ToolParameters):

@@ -37,7 +37,7 @@ def pulled_out(friction, n, numbers):
     stack = Stack(plies, friction=friction, thickness=1.0 / n, terms=[base, top])
     held = {}
     for i in range(1, n + 1):
-        name, moves = ("right", 0.1) if i in numbers else ("left", 0.0)
+        name, moves = ("right", 0.3) if i in numbers else ("left", 0.0)
         held[f"ply {i}"] = Condition(f"ply {i}: {name}", (moves, 0.0, None))
     run = LoadStepper(stack, held, steps=2).run()
     return sum(run.states[-1].reactions[f"ply {i}"][0] for i in numbers)
@@ -48,13 +48,13 @@ def pulled_out(friction, n, numbers):
 )
 def test_plies_are_pulled_out_against_friction_on_both_sides(n, pulled, sum_of_mu):
     force = PRESSURE * 40 * 20
-    assert pulled_out(0.3, n, pulled) == pytest.approx(force * sum_of_mu, rel=1e-6)
+    assert pulled_out(0.3, n, pulled) == pytest.approx(force * sum_of_mu, rel=1e-4)
 
 
 def test_each_pair_of_plies_has_its_own_friction():
     table = [[0, 0.1, 0.5], [0.1, 0, 0.4], [0.5, 0.4, 0]]
     force = PRESSURE * 40 * 20
-    assert pulled_out(table, 3, [2]) == pytest.approx(force * 0.5, rel=1e-6)
+    assert pulled_out(table, 3, [2]) == pytest.approx(force * 0.5, rel=1e-4)
 
 
 def formed(n, angles=(0.0,), thickness=0.0, friction=0.0, travel=25.0):
