@@ -188,13 +188,14 @@ class Stack(Ply):
         """
         return self._above(state, number)[0]
 
-    def slip(self, state: State, number: int) -> ndarray:
+    def slip(self, state: State, number: int, above: int | None = None) -> ndarray:
         """Slip of a ply under the one above it in mm, shape (n_nodes,) of the ply.
 
         The distance at rest, along the plies, of the points that are now on each other;
-        NaN where no ply is above.  Parameters as in `gap`.
+        NaN where no ply is above.  Parameters as in `gap`; ``above`` is the number of
+        the ply above, by default the nearest one.
         """
-        return self._above(state, number)[1]
+        return self._above(state, number, above)[1]
 
     def pressure(self, state: State, number: int) -> ndarray:
         """Pressure between a ply and those above it in N/mm², as in `tool_pressure`.
@@ -212,14 +213,16 @@ class Stack(Ply):
         pressure = pressure_of(ply, of_ply, np.maximum(force[at], 0.0))
         return np.where(np.isnan(self.gap(state, number)), np.nan, pressure)
 
-    def _above(self, state: State, number: int) -> tuple[ndarray, ndarray]:
-        """Gap and slip of a ply to the nearest ply above."""
+    def _above(
+        self, state: State, number: int, above: int | None = None
+    ) -> tuple[ndarray, ndarray]:
+        """Gap and slip of a ply to one above, by default to the nearest one."""
         self.refuse_other(state.u)
         self._refuse_number(number)
         layers, low, at = self.layers, number - 1, self.nodes_of(number)
         x, X = layers.points.in_planes(state.u), self.at_rest[:2]
         gap, slip = np.full((2, at.stop - at.start), np.nan)
-        for high in range(number, len(self.plies)):
+        for high in [above - 1] if above else range(number, len(self.plies)):
             feet = layers.surfaces[high].feet(x, x[:, at])
             apart = 0.5 * (layers.thickness[low] + layers.thickness[high])
             here = -feet.heights(x[:, at]) - apart

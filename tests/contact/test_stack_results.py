@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import meshio
 import numpy as np
 import pytest
 
 from skfem_textile import Fabric, LoadStepper, Ply, Stack
+from skfem_textile.io import write_fields
 from skfem_textile.scenes import hemisphere_forming
 
 THICKNESS = 0.5
@@ -95,3 +97,36 @@ def test_slip_is_the_distance_at_rest_of_points_on_each_other(result):
     assert edge.any()
     assert np.isnan(gap[edge]).all()
     assert np.isnan(slip[edge]).all()
+
+
+def test_summary_of_a_stack_has_figures_of_pairs_and_plies(result):
+    summary = result.summary()
+    assert "max_draw_in_mm" not in summary
+    assert "max_areal_weight_ratio" not in summary
+    for i, of_ply in enumerate(result.plies, 1):
+        own = of_ply.summary()
+        for key in "recovered_max_shear_angle_deg", "max_draw_in_mm":
+            assert summary[f"ply_{i}_{key}"] == pytest.approx(own[key])
+    lost = "plies_1_and_2_energy_lost"
+    assert summary[lost] == result.states[-1].energy_lost["plies 1 and 2"] > 0
+    gap = result.ply.gap(result.states[-1], 1)
+    assert summary["plies_1_and_2_max_gap_mm"] == pytest.approx(np.nanmax(gap), rel=0.2)
+    assert 0 < summary["plies_1_and_2_contact_share_of_area"] < 1
+    # The punch is below the lower ply, the die above the upper one.
+    pressed = summary["plies_1_and_2_force_N"]
+    assert pressed == pytest.approx(summary["punch_force_N"], rel=0.05)
+    text = repr(result)
+    assert " mm between plies 1 and 2" in text
+    assert "Largest draw-in         0.51 mm of ply 2" in text
+
+
+def test_files_of_a_stack_have_the_fields_between_plies(result, tmp_path):
+    write_fields(result, tmp_path)
+    grid = meshio.read(tmp_path / "step_0002.vtu")
+    state, stack = result.states[-1], result.ply
+    slip = grid.point_data["slip_to_ply_above"]
+    np.testing.assert_allclose(slip[stack.nodes_of(1)], stack.slip(state, 1))
+    assert np.isnan(slip[stack.nodes_of(2)]).all()
+    assert (np.concatenate(grid.cell_data["ply"]) == np.repeat([1, 2], 64)).all()
+    write_fields(result.of_ply(2), tmp_path)
+    assert (tmp_path / "own_steps.pvd").exists()
