@@ -160,7 +160,8 @@ def write_fields(
             for old_file in folder.glob(pattern):
                 old_file.unlink()
         ply, mesh = result.ply, result.ply.mesh
-        _write_series(result, folder, axes, "", mesh.p, [mesh.t])
+        at_rest = ply.at_rest[:, : mesh.nvertices]
+        _write_series(result, folder, axes, "", at_rest, [mesh.t])
         own = sum(cell.shape[1] for cell in ply.cells) < mesh.nelements
         if own and not hasattr(ply, "plies"):
             maps = partial(on_users_nodes, ply), partial(on_users_elements, ply)
@@ -184,7 +185,7 @@ def _write_series(
 
     ``on_points`` and ``on_cells`` map fields to the nodes and cells of the file.
     """
-    points_on_tool = axes.of_tool(np.pad(nodes, ((0, 1), (0, 0))))
+    points_on_tool = axes.of_tool(np.pad(nodes, ((0, 3 - len(nodes)), (0, 0))))
     files = {}
     for i, state in enumerate(result.states):
         name = f"{prefix}step_{i:04d}.vtu"

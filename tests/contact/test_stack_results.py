@@ -124,6 +124,7 @@ def test_files_of_a_stack_have_the_fields_between_plies(result, tmp_path):
     write_fields(result, tmp_path)
     grid = meshio.read(tmp_path / "step_0002.vtu")
     state, stack = result.states[-1], result.ply
+    np.testing.assert_allclose(grid.points.T, stack.at_rest)
     slip = grid.point_data["slip_to_ply_above"]
     np.testing.assert_allclose(slip[stack.nodes_of(1)], stack.slip(state, 1))
     assert np.isnan(slip[stack.nodes_of(2)]).all()
