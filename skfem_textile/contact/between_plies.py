@@ -88,6 +88,13 @@ class PlyContact(ContactTerm):
         self._last_placed: tuple[Any, Any] = None, None
         self._last_feet: tuple[bytes, _Feet | None] = b"", None
 
+    @staticmethod
+    def figures(result: Any) -> dict[str, Any]:
+        """See `stack_figures.between_plies`."""
+        from .stack_figures import between_plies
+
+        return between_plies(result)
+
     def gaps(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """See `ContactTerm.gaps`; those beyond the edges are infinite."""
         at = self._at(u, t)

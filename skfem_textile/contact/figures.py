@@ -72,6 +72,8 @@ def formed(result: Result) -> dict[str, Any]:
     tools = contacts(ply)
     if not tools:
         return {}
+    of_stack = hasattr(ply, "plies")  # whose plies have their own figures
+    of_one = hasattr(ply.basis, "layers") and not of_stack  # others may touch
     gaps = {x.name: smallest_gap(ply, x, state.u, state.load_factor) for x in tools}
     inside = _deepest(tools, gaps)
     turn = np.degrees(np.max([turn_on_tool(ply, x, state) for x in tools], axis=0))
@@ -85,13 +87,12 @@ def formed(result: Result) -> dict[str, Any]:
             for name, least in gaps.items()
         },
         **inside,
-        **_draw_in(ply, state.u),
-        **_areal_weight(ply, state.u),
+        **({} if of_stack else _draw_in(ply, state.u) | _areal_weight(ply, state.u)),
         **_curvature(ply, state, tools),
         "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
         **result.place_of(most, "wrinkle_risk_at", stated),
         "max_turn_of_normal_deg": float(turn.max()),
-        **(_untouched(result) if result.converged else {}),
+        **(_untouched(result) if result.converged and not of_one else {}),
         **_advice(result, tools, turn, at_risk),
         "first": [quantity.declared() for quantity in _first(result, inside)],
     }
@@ -124,7 +125,7 @@ def _first(result: Result, depth: Mapping[str, float | str]) -> list[Quantity]:
     return [
         Quantity(f"{of} force", key, "N", has_interval=True, note=note),
         Quantity(f"{of} travel", f"{name}_travel_mm", "mm"),
-        Quantity(
+        Quantity(  # printed if it is in the summary
             *("Largest draw-in", "max_draw_in_mm", "mm", "max_draw_in_at_flat"),
             at=" in the flat ply at",
         ),

@@ -108,3 +108,22 @@ class Layers:
         """True if two plies lie on each other somewhere at rest."""
         on = (self.ply == low) & self.over[high] | (self.ply == high) & self.over[low]
         return bool((on & self.bare(low, high)).any())
+
+
+class Layer:
+    """One of the plies of `Layers`, on its own basis.
+
+    Attributes
+    ----------
+    X
+        Its nodes at rest in mm, shape (3, n_nodes).
+    """
+
+    def __init__(self, layers: Layers, ply: int) -> None:
+        of_ply = layers.ply == ply
+        self.X = layers.X[:, of_ply]
+        self._exposed = {x: layers.exposed(x)[of_ply] for x in (-1, 0, 1)}
+
+    def exposed(self, side: int) -> ndarray:
+        """See `Layers.exposed`."""
+        return self._exposed[side]

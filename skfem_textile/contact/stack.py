@@ -1,12 +1,15 @@
 """Stacks: several plies that are formed together."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
+from scipy.sparse import block_diag, csr_matrix
 
 from ..declarations import ELASTIC_SLIP
 from ..fabric.law import number
@@ -16,11 +19,19 @@ from ..mesh.user_input import real_numbers, shortened
 from ..ply import Ply
 from ..ply.amount import Amount, AmountLike, Limits
 from ..ply.formulations import Quadrilaterals
+from ..ply.parameters import PlyParameters, Values
 from ..ply.terms import Load, Term
+from ..solve.states import State
 from .between_plies import PlyContact
-from .layers import Layers
+from .holder import HolderPressure
+from .layers import Layer, Layers
+from .obstacle import ToolTerm
+from .risks import pressure_of
 
 _FRICTION = "friction between plies"
+
+# Distance from an element, in reference coordinates, that is round-off.
+_ROUND_OFF = 1e-6
 
 
 class Stack(Ply):
@@ -120,11 +131,6 @@ class Stack(Ply):
         return [*super()._needed_terms(tension, corners), *contacts]
 
     @property
-    def at_rest(self) -> ndarray:
-        """See `Ply.at_rest`."""
-        return self.layers.X
-
-    @property
     def contacts(self) -> list[PlyContact]:
         """Contacts of plies with each other."""
         return [x for x in self.terms if isinstance(x, PlyContact)]
@@ -138,6 +144,145 @@ class Stack(Ply):
         """Nodes of a ply, numbered from 1 for the lowest."""
         nodes = np.flatnonzero(self.layers.ply == number - 1)
         return slice(int(nodes[0]), int(nodes[-1]) + 1)
+
+    def hat_functions(self) -> csr_matrix:
+        """See `Ply.hat_functions`; the plies are apart."""
+        return csr_matrix(block_diag([ply.hat_functions() for ply in self.plies]))
+
+    @cached_property
+    def with_tools(self) -> "list[PlyOfStack]":
+        """The plies from the lowest, where they lie, with the tools of the stack."""
+        return [PlyOfStack(self, i) for i in range(1, len(self.plies) + 1)]
+
+    def values_of(self, number: int, parameters: PlyParameters) -> PlyParameters:
+        """Parameters of a ply of ``with_tools``, numbered from 1, from the stack's."""
+        every, at = self.with_tools, number - 1
+        counts = [
+            (x.nodes.shape[1], x.mesh.nelements, 1 + int(x.parent.max())) for x in every
+        ]
+        sizes = np.array(counts)
+        rows = zip(sizes.sum(axis=0), sizes[at], sizes[:at].sum(axis=0), strict=True)
+        parts = {(n, size): slice(start, start + size) for n, size, start in rows}
+
+        def cut(value: ndarray, like: ndarray) -> ndarray:
+            pairs = zip(value.shape, like.shape, strict=True)
+            return value[tuple(slice(a) if a == b else parts[a, b] for a, b in pairs)]
+
+        return {
+            name: Values(
+                {key: cut(parameters[name][key], x) for key, x in at_rest.items()}
+            )
+            for name, at_rest in every[at].parameters_at_rest.items()
+        }
+
+    def gap(self, state: State, number: int) -> ndarray:
+        """Distance of a ply from the one above it in mm, shape (n_nodes,) of the ply.
+
+        NaN where there is none.
+
+        Parameters
+        ----------
+        state
+            State of the stack.
+        number
+            Number of the ply, 1 for the lowest.
+        """
+        return self._above(state, number)[0]
+
+    def slip(self, state: State, number: int, above: int | None = None) -> ndarray:
+        """Slip of a ply under the one above it in mm, shape (n_nodes,) of the ply.
+
+        The distance at rest, along the plies, of the points that are now on each other;
+        NaN where no ply is above.  Parameters as in `gap`; ``above`` is the number of
+        the ply above, by default the nearest one.
+        """
+        return self._above(state, number, above)[1]
+
+    def pressure(self, state: State, number: int) -> ndarray:
+        """Pressure between a ply and those above it in N/mm², as in `tool_pressure`.
+
+        Shape (n_nodes,) of the ply; NaN where no ply is above.  Parameters as in `gap`.
+        """
+        u, at, force = state.u, self.nodes_of(number), np.zeros(self.nodes.shape[1])
+        for contact in self.contacts:
+            if contact.between[0] == number - 1:
+                values = state.parameters[contact.name]
+                f = contact.relative(u).T @ contact.forces(u, state.load_factor, values)
+                force += f if contact.rows[0] in range(at.start, at.stop) else -f
+        ply = self.with_tools[number - 1]
+        of_ply = ply.basis.zeros() + self.nodal(u)[:, at].T.ravel()
+        pressure = pressure_of(ply, of_ply, np.maximum(force[at], 0.0))
+        return np.where(np.isnan(self.gap(state, number)), np.nan, pressure)
+
+    def _above(
+        self, state: State, number: int, above: int | None = None
+    ) -> tuple[ndarray, ndarray]:
+        """Gap and slip of a ply to one above, by default to the nearest one."""
+        self.refuse_other(state.u)
+        self._refuse_number(number)
+        layers, low, at = self.layers, number - 1, self.nodes_of(number)
+        x, X = layers.points.in_planes(state.u), self.at_rest[:2]
+        gap, slip = np.full((2, at.stop - at.start), np.nan)
+        for high in [above - 1] if above else range(number, len(self.plies)):
+            feet = layers.surfaces[high].feet(x, x[:, at])
+            apart = 0.5 * (layers.thickness[low] + layers.thickness[high])
+            here = -feet.heights(x[:, at]) - apart
+            under = (feet.off <= _ROUND_OFF) & layers.bare(low, high)[at]
+            nearer = under & ~(gap <= here)
+            moved = (feet.weights * X[:, feet.nodes]).sum(axis=1) - X[:, at]
+            gap[nearer] = here[nearer]
+            slip[nearer] = np.hypot(*moved)[nearer]
+        return gap, slip
+
+    def _refuse_number(self, number: int) -> None:
+        """Refuse numbers that no ply has."""
+        if number not in range(1, len(self.plies) + 1):
+            raise ValueError(
+                f"the stack has plies 1 (lowest) to {len(self.plies)}, not {number!r}"
+            )
+
+
+class PlyOfStack(Ply):
+    """Ply of a stack where it lies, with the tools of the stack and no other load.
+
+    Parameters
+    ----------
+    stack
+        The stack.
+    number
+        Number of the ply, 1 for the lowest.
+    """
+
+    def __init__(self, stack: Stack, number: int) -> None:
+        ply = stack.plies[number - 1]
+        formulation: Any = ply.formulation
+        self.users_mesh, self.mesh = ply.users_mesh, ply.mesh
+        self.basis = quad_basis(self.mesh, formulation.rule, 3)
+        basis: Any = self.basis
+        basis.layers = Layer(stack.layers, number - 1)
+        tools = [_ToolOfStack(x) for x in stack.terms if isinstance(x, ToolTerm)]
+        self._build(ply.fabric, formulation, tools, ply.fibre_ends)
+
+    def contradictions(self, states: Sequence[Any]) -> list[str]:
+        """None: tools may touch other plies only."""
+        return []
+
+
+class _ToolOfStack(NamedTuple):
+    """Tool of a stack for one of its plies."""
+
+    term: Any
+
+    def on(self, basis: Any) -> ToolTerm:
+        """Term on the basis of the ply, see `Load`."""
+        term = self.term
+        obstacle = replace(term._obstacle, X=basis.layers.X)
+        amount = (term._pressure,) if isinstance(term, HolderPressure) else ()
+        tool: ToolTerm = type(term)(term.name, *amount, obstacle, basis)
+        if rubs := term.friction:
+            tool.with_friction(rubs._coefficient, rubs.slip)
+        tool.amounts = term.amounts
+        return tool
 
 
 def _refuse_plies(plies: Sequence[Ply]) -> None:

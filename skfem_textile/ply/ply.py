@@ -247,6 +247,8 @@ class Ply(SumOfTerms):
     @property
     def at_rest(self) -> ndarray:
         """Positions of the nodes of the undeformed ply in mm, shape (d, n_nodes)."""
+        if layers := getattr(self.basis, "layers", None):  # of a stack
+            return np.asarray(layers.X)
         flat = components(self.basis) - 2
         return np.pad(self.nodes, ((0, flat), (0, 0)))
 

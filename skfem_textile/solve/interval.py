@@ -143,6 +143,9 @@ _FRICTION = "intervals are measured without friction only; compare with a finer 
 
 _LET_GO = "clamps have let go; compare with a finer mesh"
 
+#: Reason why a stack and its plies have no interval.
+OF_STACK = "intervals are not measured for stacks; compare with a finer mesh"
+
 _RELEASED = "conditions have ended; compare with a finer mesh"
 
 #: A quantity of the user: a number from a ply and its displacement.
@@ -261,6 +264,8 @@ def error_interval(
         )
     if state.load_factor == 0:
         return ErrorInterval(reason="the ply is not loaded yet")
+    if hasattr(problem.ply, "plies"):
+        return ErrorInterval(reason=OF_STACK)
     if not state.verdict.stable:
         return ErrorInterval(reason="the equilibrium is not stable")
     if not problem.constraints.free.size:

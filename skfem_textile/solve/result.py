@@ -148,6 +148,22 @@ class Result:
         return replace(self, states=first, later=[*later, *self.later])
 
     @property
+    def plies(self) -> "list[Result]":
+        """Results of the plies of a stack from the lowest, see `of_ply`."""
+        return [self.of_ply(i + 1) for i in range(len(getattr(self.ply, "plies", ())))]
+
+    def of_ply(self, number: int) -> "Result":
+        """Result of a ply of a stack where it lies, by its number, 1 for the lowest.
+
+        Reactions are of tools on it; energy lost by friction on other bodies is not
+        contained.  A ValueError if there is no such ply, or no stack.
+        """
+        from .of_stack import of_ply
+
+        result: Result = of_ply(self, number)
+        return result
+
+    @property
     def every_state(self) -> list[State]:
         """The states and ``later`` ones."""
         return [*self.states, *self.later]
@@ -525,7 +541,9 @@ class Result:
     def _figures_of_tools(self) -> dict[str, Any]:
         figures: dict[str, Any] = {}
         for figures_of in dict.fromkeys(type(tool).figures for tool in self._tools()):
-            figures |= figures_of(self)
+            of_terms = figures_of(self)
+            first = figures.get("first", []) + of_terms.get("first", [])
+            figures |= of_terms | ({"first": first} if first else {})
         return figures
 
     def _head(self) -> str:
