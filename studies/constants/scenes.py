@@ -290,6 +290,15 @@ SCENES = {
         ),
     ),
     "outlines": (
+        Scene(
+            "two plies",
+            _ply(
+                *(hemisphere_forming, 1e3, 0.1, 1),
+                **(_CUP | {"travel": 10.0, "layup": "[0/90, ±45]"}),
+                **{"ply_friction": 0.2, "ply_thickness": 0.5, "bending": 5.0},
+            ),
+            ("contact.between_plies", "contact.ply_surface", "contact.stack"),
+        ),
         Scene("net", _meshed(lambda: mesh_outline(_specimen(), _fabric(45.0), _HELD))),
         Scene(
             "hole",
