@@ -117,10 +117,14 @@ class Layer:
     ----------
     X
         Its nodes at rest in mm, shape (3, n_nodes).
+    thickness, ply
+        See `Layers`, of this ply alone.
     """
 
     def __init__(self, layers: Layers, ply: int) -> None:
         of_ply = layers.ply == ply
+        self.thickness = layers.thickness[[ply]]
+        self.ply = np.zeros(np.count_nonzero(of_ply), dtype=int)
         self.X = layers.X[:, of_ply]
         self._exposed = {x: layers.exposed(x)[of_ply] for x in (-1, 0, 1)}
 
