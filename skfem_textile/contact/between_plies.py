@@ -203,7 +203,7 @@ class PlyContact(ContactTerm):
         return np.full(x.shape[1], np.inf)
 
     def travel(self, t: float) -> ndarray:
-        """Zero: the plies have no motion of their own."""
+        """Zero: the plies are not driven."""
         return np.zeros(3)
 
     def rotation(self, t: float) -> float:

@@ -39,7 +39,7 @@ class Stack(Ply):
 
     The plies keep their own meshes, fabrics and outlines.  Each touches those above and
     below it, and the tools where no other ply is between.  A boundary of the same name
-    is one boundary of the stack, ``ply 1: NAME`` that of the lowest ply alone.  Angles,
+    is one boundary of the stack, ``ply 1: NAME`` the one of the lowest ply.  Angles,
     strains and tensions are fields over the elements of all plies, in their order.
 
     Parameters
@@ -126,7 +126,7 @@ class Stack(Ply):
             coefficient = self.friction[contact.between]
             if callable(coefficient) or coefficient:
                 amount = Amount(_FRICTION, coefficient, Limits(0.0))
-                amount(0.0)  # refuses what is no coefficient
+                amount(0.0)  # refuses other values
                 contact.with_friction(amount, self.elastic_slip)
         return [*super()._needed_terms(tension, corners), *contacts]
 
@@ -306,7 +306,7 @@ def _refuse_plies(plies: Sequence[Ply]) -> None:
         if ply.user_terms:
             names = ", ".join(repr(x.name) for x in ply.further_terms)
             raise ValueError(
-                f"stack: ply {i} has terms of its own, {names}: add them to the stack, "
+                f"stack: ply {i} has terms, {names}: add them to the stack, "
                 "Stack(..., terms=[...])"
             )
         if ply.fibre_ends != plies[0].fibre_ends:

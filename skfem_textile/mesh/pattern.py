@@ -16,8 +16,8 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 # Tolerance for the symmetry of a matrix, relative to its largest entry.
 _SYMMETRIC = 1e-8
 
-# Number of matrices whose pairs of nodes are kept, a limit of memory: those of the
-# contact points and of a few pairs of plies.
+# Number of matrices whose pairs of nodes are kept, a limit of memory: the
+# contact points, and a few pairs of plies.
 _KEPT = 8
 
 

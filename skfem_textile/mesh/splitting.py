@@ -125,8 +125,8 @@ class SplitMesh(Made, MeshQuad):
 def joined(meshes: Sequence[Any], what: str) -> Any:
     """Disjoint meshes of quadrilaterals as one, all split or none.
 
-    Boundaries and named nodes of the same name become one; ``WHAT 1: NAME`` are those
-    of the first mesh, and ``WHAT 1`` the subdomain of its elements.
+    Boundaries and named nodes of the same name become one; ``WHAT 1: NAME`` are the
+    ones of the first mesh, and ``WHAT 1`` the subdomain of its elements.
 
     Examples
     --------

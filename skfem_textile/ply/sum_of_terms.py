@@ -234,7 +234,7 @@ class SumOfTerms(FabricOnBasis):
         del self.pattern
 
     def uncouple(self) -> None:
-        """Restore the ``pattern`` at rest: those of steps are independent."""
+        """Restore the ``pattern`` at rest, so that steps are independent."""
         if self._at_rest:
             self._coupled, self.pattern = [], self._at_rest
 

@@ -144,7 +144,7 @@ class Descent(Whole):
         return at, increment
 
     def _nearer(self, at: Iterate, before: Iterate) -> bool:
-        """True if forces that are no derivative of the energy are closer to balance."""
+        """True if forces between plies, which have no energy, are closer to balance."""
         problem = self.problem
         if problem.tools == problem.contacts:
             return False

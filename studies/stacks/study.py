@@ -150,7 +150,7 @@ def formed(rows: list[Row]) -> str:
             [
                 f"{name}{end}",
                 f"{row['force']:.3f}",
-                row["angles"].replace(" ", ", "),
+                str(row["angles"]).replace(" ", ", "),
                 row["linear_solves"],
                 f"{row['cpu_s']:.1f}",
             ]

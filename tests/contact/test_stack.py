@@ -152,7 +152,7 @@ PULL = Traction("right", (1.0, 0.0, 0.0))
         ),
         (
             lambda: Stack([strip(), strip(terms=[PULL])]),
-            "ply 2 has terms of its own, 'traction on right': add them to the stack",
+            "ply 2 has terms, 'traction on right': add them to the stack",
         ),
         (
             lambda: Stack([strip(formulation=Quadratic(80.0)), strip()]),
