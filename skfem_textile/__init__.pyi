@@ -20,7 +20,7 @@ from .fabric import (
     Yarns as Yarns,
 )
 from .fabric.files import read_law as read_law, write_law as write_law
-from .contact import Holder as Holder, Tool as Tool
+from .contact import Holder as Holder, Stack as Stack, Tool as Tool
 from .forms import (
     Forms as Forms,
     hourglass as hourglass,

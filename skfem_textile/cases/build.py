@@ -34,7 +34,7 @@ from ..ply.loads import BodyForce, Force
 from ..ply.terms import Load
 from ..scenes.scene import Case
 from ..solve.on_surface import OnSurface
-from .fabrics import fabric_of, fabric_of_tables
+from .fabrics import fabric_of, fabric_of_tables, fabrics_of_plies, with_plies
 from .phases import described_phase, furthest, in_phases
 from .read import (
     CaseFile,
@@ -192,6 +192,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
             "the table [vary] is for sweeps (`skfem-textile sweep`): this case has the "
             "values of its other tables"
         )
+    file = with_plies(file)
     laws, assumed = fabric_of(file)
     scene = _with_tools(_scene(file, laws, density), file)
     if file.stepping.is_programme:
@@ -203,6 +204,9 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     fit = _fitted(scene, fabrics, loads, file.mesh.as_is)
     if isinstance(fabric := fit.fabric, Mapping):
         fabric = fabric_of_regions(fit.mesh, fabric)
+    if scene.plies is not None:
+        of_plies = fabrics_of_plies(file, fabric)
+        scene = replace(scene, plies=replace(scene.plies, fabrics=of_plies))
     case = Case(
         scene=replace(scene, mesh=fit.mesh),
         fabric=fabric,
@@ -296,6 +300,14 @@ def _refuse_contradictions(file: CaseFile) -> None:
         in_space = issubclass(file.scene.declaration, WithTools)
         if getattr(file.output, key) and not in_space:
             raise ValueError(f"output.{key} requires a scene with tools")
+        if getattr(file.output, key) and (file.plies or _has_layup(file)):
+            raise ValueError(
+                f"output.{key} describes one ply, but the case has several: omit it"
+            )
+
+
+def _has_layup(file: CaseFile) -> bool:
+    return getattr(file.scene, "layup", None) is not None
 
 
 def refuse_incomplete(

@@ -5,7 +5,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
+from msgspec import structs
 
+from ..declarations.scenes import Formed
 from ..fabric import (
     Asymmetric,
     BiaxialLaw,
@@ -19,12 +21,14 @@ from ..mesh.user_input import errors_in
 from .schema import (
     Bending,
     FabricOfFile,
+    PlyTable,
     Shear,
     ShearLaw,
     Tension,
     TensionLaw,
     with_compression,
 )
+from .tables import tag_of
 from .write import tables_of
 
 if TYPE_CHECKING:
@@ -62,6 +66,67 @@ def fabric_of(file: Any) -> tuple[Fabric, list[str]]:
     if file.fabric.file is None:
         return fabric_of_tables(file.tension, file.shear, file.bending), []
     return fabric_of_file(file.fabric)
+
+
+def with_plies(file: Any) -> Any:
+    """Case whose scene has the plies of its tables ``[[plies]]``.
+
+    Raises
+    ------
+    ValueError
+        If the scene has no plies that are formed together, or its own, or there is one
+        table.
+    """
+    if not file.plies:
+        return file
+    scene = file.scene
+    if not issubclass(scene.declaration, Formed):
+        raise ValueError(
+            f"[[plies]] do not apply to the scene {tag_of(type(scene))}, which has one "
+            "ply: use the scene forming"
+        )
+    if scene.layup is not None:
+        raise ValueError(
+            "scene.layup and [[plies]] both describe the plies: omit one of them"
+        )
+    if len(file.plies) < 2:
+        raise ValueError(
+            "[[plies]] describe one ply: add another table, or set scene.fibres_deg "
+            "and the laws of the case instead"
+        )
+    plain = scene.ply_thickness_mm
+    stated = [ply.thickness_mm for ply in file.plies]
+    thickness = tuple(plain if x is None else x for x in stated)
+    layup = tuple(ply.angle_deg for ply in file.plies)
+    scene = structs.replace(scene, layup=layup, ply_thickness_mm=thickness)
+    return structs.replace(file, scene=scene)
+
+
+def fabrics_of_plies(file: Any, case: Fabric) -> tuple[Fabric | None, ...]:
+    """Fabric of each ply of a case, with the directions of the fabric of the case.
+
+    None for a ply without its own laws.
+    """
+    fabrics = (_fabric_of_ply(i, ply, file) for i, ply in enumerate(file.plies, 1))
+    return tuple(x and replace(x, warp=case.warp, weft=case.weft) for x in fabrics)
+
+
+def _fabric_of_ply(number: int, ply: PlyTable, file: Any) -> Fabric | None:
+    """Fabric of a ply with its own laws; None without."""
+    where, laws = f"ply_{number}", ("tension", "shear", "bending")
+    stated = [name for name in laws if getattr(ply, name) is not None]
+    for of in ("fabric.file", f"{where}.fabric"):
+        named = file.fabric.file if of == "fabric.file" else ply.fabric
+        if stated and named is not None:
+            raise ValueError(
+                f"{where}.{stated[0]} sets a law, but {of} contains all laws: omit one "
+                "of them"
+            )
+    with errors_in(f"{where}: "):
+        if ply.fabric is not None:
+            return fabric_of_file(FabricOfFile(file=ply.fabric))[0]
+        tables = (getattr(ply, name) or getattr(file, name) for name in laws)
+        return fabric_of_tables(*tables) if stated else None
 
 
 def fabric_of_file(table: FabricOfFile) -> tuple[Fabric, list[str]]:

@@ -116,7 +116,8 @@ def read_result(folder: str | os.PathLike[str]) -> FinishedRun:
     file, load_factor = _described(folder / "fields", summary)
     X, moves = _displacement(file)
     axes, mesh = case.scene.axes, ply.mesh
-    flat = axes.of_tool(np.pad(mesh.p, ((0, 1), (0, 0))))
+    at_rest = ply.at_rest[:, : mesh.nvertices]
+    flat = axes.of_tool(np.pad(at_rest, ((0, 3 - len(at_rest)), (0, 0))))
     if X.shape != flat.shape or np.abs(X - flat).max() > _SAME * np.ptp(flat):
         raise ValueError(
             f"{printable(file)} does not belong to the case in {printable(folder)}: "

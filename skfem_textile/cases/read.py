@@ -32,6 +32,7 @@ from .schema import (
     Loads,
     Mesh,
     Output,
+    PlyTable,
     Region,
     Shear,
     Stepping,
@@ -86,6 +87,7 @@ class CaseFile(Table):
     tools: tuple[AnyTool, ...]
     phases: tuple[PhaseTable, ...]
     clamps: tuple[Clamp, ...]
+    plies: tuple[PlyTable, ...]
     regions: dict[str, Region]
     vary: Annotated[
         dict[str, tuple[Any, ...]],
@@ -161,7 +163,7 @@ def _case(tables: Any) -> CaseFile:
     regions = tables.get("regions", {})
     if not isinstance(regions, dict):
         raise ValueError(f"regions must be a table, not {_quoted(regions)}")
-    arrays = {name: _array(name, tables.get(name, [])) for name in ARRAYS}
+    arrays = {name: _array(name, tables.get(name, []), scene) for name in ARRAYS}
     filled = _with_defaults(_for_phases(tables, arrays["phases"]), scene)
     none: dict[str, Any] = {**dict.fromkeys(ARRAYS, ()), "regions": {}, "vary": {}}
     case = converted("", {**filled, **none}, CaseFile)
@@ -175,19 +177,22 @@ def _case(tables: Any) -> CaseFile:
     return msgspec.structs.replace(case, vary=vary, regions=built, **arrays)
 
 
-def _array(name: str, tables: Any) -> tuple[Any, ...]:
+def _array(name: str, tables: Any, scene: type[AnyScene]) -> tuple[Any, ...]:
     """Validated tables of an array of tables."""
     if not isinstance(tables, list | tuple):
         raise ValueError(
             f"{name} must be an array of tables, [[{name}]], not {_quoted(tables)}"
         )
+    if name == "plies":
+        tables = [_laws_nested(table, PlyTable, scene) for table in tables]
     built = _phase if name == "phases" else partial(converted, kind=ARRAYS[name])
     return tuple(built(_named(name, i, x), x) for i, x in enumerate(tables, 1))
 
 
 def _found(folder: str | os.PathLike[str], path: str, name: str) -> str:
     """File relative to a folder, or the file of a fabric of the catalogue."""
-    if path != "fabric.file" or Path(name).suffix:
+    of_fabric = path == "fabric.file" or path.endswith(".fabric")
+    if not of_fabric or Path(name).suffix:
         return str(Path(folder) / name)
     from ..fabric.catalogue import file_of  # needed for few cases
 
@@ -343,12 +348,18 @@ def index_of(tables: Sequence[Mapping[str, Any]], name: str) -> int | None:
 
 
 #: Kinds of the tables in arrays of tables, by the name of the array.
-ARRAYS: dict[str, Any] = {"tools": AnyTool, "phases": PhaseTable, "clamps": Clamp}
+ARRAYS: dict[str, Any] = {
+    "tools": AnyTool,
+    "phases": PhaseTable,
+    "clamps": Clamp,
+    "plies": PlyTable,
+}
 
 
 def numbered(array: str, number: int) -> str:
     """Name in messages of a table of an array, such as ``tool_1`` of ``[[tools]]``."""
-    return f"{array.removesuffix('s')}_{number}"
+    one = array.removesuffix("s").replace("plie", "ply")
+    return f"{one}_{number}"
 
 
 def _named(array: str, number: int, table: Any) -> str:
@@ -522,7 +533,7 @@ def default_laws(tables: Mapping[str, Any]) -> tuple[str, ...]:
     """Names of the laws, tension and shear, that tables of a case leave out."""
     if tables.get("fabric", {}).get("file") is not None:
         return ()
-    given = [tables, *tables.get("regions", {}).values()]
+    given = [tables, *tables.get("regions", {}).values(), *tables.get("plies", ())]
     kinds: dict[str, type[Struct]] = {"tension": Tension, "shear": Shear}
     return tuple(
         name

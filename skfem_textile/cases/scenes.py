@@ -153,7 +153,8 @@ class _OfFiles(Scene):
                 )
 
 
-_OF_PLY = "fibres", "width", "height", "tension", "part"
+_OF_STACK = "layup", "ply_friction", "ply_thickness"
+_OF_PLY = "fibres", "width", "height", "tension", "part", *_OF_STACK
 
 
 def _unit(of: str) -> dict[str, Any]:

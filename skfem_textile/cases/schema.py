@@ -420,6 +420,27 @@ class Region(Table):
     bending: Bending | None = None
 
 
+class PlyTable(Table):
+    """Ply of a stack, from the bottom to the top, and its fabric if it has its own."""
+
+    angle_deg: Annotated[
+        Degrees,
+        about("angle by which the fabric is turned from the fibres of the scene"),
+    ] = 0.0
+    thickness_mm: Annotated[
+        Annotated[float, Meta(ge=0)] | None,
+        about("thickness of the ply (default: scene.ply_thickness_mm)"),
+    ] = None
+    fabric: Annotated[
+        str | None,
+        about("fabric of the ply with all laws, as in fabric.file"),
+        FILE,
+    ] = None
+    tension: Tension | None = None
+    shear: Shear | None = None
+    bending: Bending | None = None
+
+
 # ------------------------------------------------------------------------ formulations
 
 

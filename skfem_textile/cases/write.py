@@ -50,7 +50,7 @@ WRITTEN_FILES = (
         for key in (*_OF_MESH, "tool_*", "punch_*", "die_*")
         for end in _WHOLE
     ),
-    *(f"{FILES}/fabric{end}" for end in (".json", ".inp", ".rad")),
+    *(f"{FILES}/fabric*{end}" for end in (".json", ".inp", ".rad")),
     *(f"{FILES}/directions{end}" for end in (".vtu", ".csv", ".inp")),
     *(f"{FILES}/{key}*" for key in ("outline", "test_curve", "trim")),
 )
@@ -373,7 +373,8 @@ def _entries(where: str, hint: Any, choice: str = "") -> Iterator[Entry]:
             yield from _entries(where, hint_of, choice)
         elif isinstance(inner, type) and issubclass(inner, Struct):
             summary = summary_of(inner)
-            yield Entry(where, choice, one.name, f"[{where}.{one.name}]", "", summary)
+            kind = f"[{where.strip('[]')}.{one.name}]"
+            yield Entry(where, choice, one.name, kind, "", summary)
         elif one.name != "file" or not choice:
             kind = "file" if FILE in get_args(hint_of) else _kind(hint_of)
             yield Entry(where, choice, one.name, kind, _default(one), meaning(hint_of))

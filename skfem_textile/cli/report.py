@@ -27,7 +27,7 @@ from .curve import CURVE, Curve, completed, read_test_curve
 from .output import say
 from .page import Row, formatted, rows, sources, write_page
 from .result_folder import ResultFolder
-from .results import CURVES, PICTURES, draw_curves
+from .results import CURVES, captions, draw_curves
 
 #: File of the report.
 REPORT = "report.html"
@@ -90,7 +90,9 @@ def run(options: Namespace) -> int:
         "points": _points(curve),
         "file": sources(folder, {CURVE: CURVE}) if curve else {},
         "no_curves": no_curves,
-        "pictures": sources(folder, {**PICTURES, "pattern.svg": "Flat pattern"}),
+        "pictures": sources(
+            folder, {**captions(folder), "pattern.svg": "Flat pattern"}
+        ),
         "case": text,
         "every_value": rows(values),
         "versions": rows(summary.get("versions")),

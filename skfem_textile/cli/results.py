@@ -38,6 +38,21 @@ PICTURES = {
     "animation.gif": "Shear angle during loading",
 }
 
+#: Names of the pictures of the plies of a stack.
+OF_PLIES = "ply_[0-9]*.png"
+
+
+def captions(folder: Path) -> dict[str, str]:
+    """Captions of the pictures in a folder, in the order of a report."""
+    found = dict[str, str]()
+    for name, caption in PICTURES.items():
+        found[name] = caption
+        for file in sorted(folder.glob(f"ply_[0-9]*_{name}")):
+            number = file.name.split("_")[1]
+            found[file.name] = f"Ply {number}: {caption[0].lower()}{caption[1:]}"
+    return found
+
+
 #: Pictures of a curve: titles, abscissa and ordinate.
 CURVES = {
     "load.png": ("Force against displacement", DISPLACEMENT, FORCE),
@@ -79,7 +94,12 @@ def draw(
     for name, options in drawn.items():
         with held():
             of = described if name in names else result
-            pictures[name](of, filename=folder / name, **options)
+            if name in names and of.plies:
+                for i, of_ply in enumerate(of.plies, 1):
+                    file = folder / f"ply_{i}_{name}"
+                    pictures[name](of_ply, filename=file, **options)
+            else:
+                pictures[name](of, filename=folder / name, **options)
     if isinstance(run, StepError):
         with held():
             plot.verdict(run, filename=folder / "refused.png")

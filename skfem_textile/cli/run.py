@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 Stepper: TypeAlias = LoadStepper | ToleranceStepper
 
 # All pictures that a run may draw.
-_PICTURES = *results.PICTURES, *results.CURVES
+_PICTURES = *results.PICTURES, *results.CURVES, results.OF_PLIES
 
 
 def run(options: argparse.Namespace) -> int:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from types import NoneType
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from msgspec import Struct
 
@@ -310,7 +310,7 @@ def _add_keys(
 def _keywords(flag: str, path: str, hint: Any) -> dict[str, Any]:
     """Keywords of the option of a key that depend on its type."""
     kind = hint
-    while get_origin(kind) is Annotated or NoneType in get_args(kind):
+    while get_origin(kind) in (Annotated, Union, UnionType):
         kind = next(one for one in get_args(kind) if one is not NoneType)
     if path == "mesh.size":
         return {"type": words.size, "metavar": "NXxNY"}

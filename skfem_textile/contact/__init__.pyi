@@ -41,6 +41,7 @@ from .shape import (
     draw_in as draw_in,
     fibre_curvature as fibre_curvature,
 )
+from .stack import Stack as Stack
 from .tool import (
     Holder as Holder,
     Tool as Tool,

@@ -12,8 +12,8 @@ from numpy import ndarray
 
 from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
+from ..solve.contact_points import OPPOSITE
 from ..solve.on_surface import SurfaceError
-from ..solve.problem import OPPOSITE
 from .holder import HolderPressure, contacts, pressing
 from .obstacle import Obstacle, ToolContact, ToolTerm, no_reach
 from .outline import ROUND_OFF

@@ -8,7 +8,6 @@ from numpy import ndarray
 
 from ..mesh.recovery import nodes_and_normal
 from ..ply import Ply
-from ..solve.largest_angle import largest_shear_angle
 from ..solve.quantities import IN_SPACE, LOST, Quantity
 from ..solve.result import Result, components_mm
 from ..solve.states import State
@@ -73,6 +72,8 @@ def formed(result: Result) -> dict[str, Any]:
     tools = contacts(ply)
     if not tools:
         return {}
+    of_stack = hasattr(ply, "plies")  # whose plies have their own figures
+    of_one = hasattr(ply.basis, "layers") and not of_stack  # others may touch
     gaps = {x.name: smallest_gap(ply, x, state.u, state.load_factor) for x in tools}
     inside = _deepest(tools, gaps)
     turn = np.degrees(np.max([turn_on_tool(ply, x, state) for x in tools], axis=0))
@@ -86,13 +87,12 @@ def formed(result: Result) -> dict[str, Any]:
             for name, least in gaps.items()
         },
         **inside,
-        **_draw_in(ply, state.u),
-        **_areal_weight(ply, state.u),
+        **({} if of_stack else _draw_in(ply, state.u) | _areal_weight(ply, state.u)),
         **_curvature(ply, state, tools),
         "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
         **result.place_of(most, "wrinkle_risk_at", stated),
         "max_turn_of_normal_deg": float(turn.max()),
-        **(_untouched(result) if result.converged else {}),
+        **(_untouched(result) if result.converged and not of_one else {}),
         **_advice(result, tools, turn, at_risk),
         "first": [quantity.declared() for quantity in _first(result, inside)],
     }
@@ -125,7 +125,7 @@ def _first(result: Result, depth: Mapping[str, float | str]) -> list[Quantity]:
     return [
         Quantity(f"{of} force", key, "N", has_interval=True, note=note),
         Quantity(f"{of} travel", f"{name}_travel_mm", "mm"),
-        Quantity(
+        Quantity(  # printed if it is in the summary
             *("Largest draw-in", "max_draw_in_mm", "mm", "max_draw_in_at_flat"),
             at=" in the flat ply at",
         ),
@@ -252,7 +252,7 @@ def phase_table(result: Result, process: Any) -> list[dict[str, Any]]:
             "load_factor": t,
             **{key: column[i].item() for key, column in columns.items()},
             **result.clamp_forces(state),
-            IN_SPACE.key: float(np.degrees(largest_shear_angle(ply, u))),
+            IN_SPACE.key: float(np.degrees(ply.largest_shear_angle(u))),
             "max_draw_in_mm": float(draw_in(ply, u).inwards.max()),
             "wrinkle_risk_share_of_area": share_of_area(ply, risk),
         }

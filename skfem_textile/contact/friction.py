@@ -96,7 +96,13 @@ class Friction:
         """Bounds μN in N at normal forces, shape (n_nodes,)."""
         return self._coefficient(t) * force
 
-    def bounded(self, p: Values, t: float, normals: ndarray, bound: ndarray) -> Values:
+    def _over(self, motion: ndarray, p: Values) -> ndarray:
+        """Motion over the other body in its axes, for motions in them, (3, n_nodes)."""
+        return motion
+
+    def bounded(
+        self, p: Values, u: ndarray, t: float, normals: ndarray, bound: ndarray
+    ) -> Values:
         """Values with other bounds, and normals in the axes of the ply."""
         rotation, _ = self._placement(t)
         return Values({**p, "bound": bound, "normal": rotation.T @ normals})
@@ -105,13 +111,14 @@ class Friction:
         self, p: Values, u: ndarray, t: float, normals: ndarray, force: ndarray
     ) -> Values:
         """Values at a displacement, by the normals and normal forces there."""
-        after = self.bounded(p, t, normals, self.bound(t, force))
+        after = self.bounded(p, u, t, normals, self.bound(t, force))
         return Values({**after, "predicted": self._force(u, t, after)})
 
     def predicted(self, p: Values, u: ndarray, du: ndarray, t: float) -> Values:
         """Values with the forces after an increment, to first order."""
         y, size = self._slipped(u, t, p)
-        dy = self._tangential(self._local(u + du, t) - self._local(u, t), p)
+        moved = self._over(self._local(u + du, t) - self._local(u, t), p)
+        dy = self._tangential(moved, p)
         slides, m = size > self.slip, y / np.maximum(size, TINY)
         turned = np.where(slides, p["predicted"] * (m * dy).sum(axis=0), 0.0)
         force = (p["bound"] * (y + dy) - turned) / np.maximum(size, self.slip)
@@ -156,7 +163,7 @@ class Friction:
         lost, error = states[-1].energy_lost, float(self.errors(term, states).sum())
         if error <= _UNCERTAIN * sum(lost.values()):
             return []
-        work = f"{term._obstacle.what}, {lost[term.name]:.4g} N·mm, has an estimated"
+        work = f"{term.what}, {lost[term.name]:.4g} N·mm, has an estimated"
         return [
             f"work of friction on {work} error of up to {error:.2g} N·mm in the "
             "computed part, because contact forces change within steps: use more steps"
@@ -169,7 +176,7 @@ class Friction:
         """
         _, size = self._slipped(u, t, p)
         slid = np.maximum(size - self.slip, 0.0)
-        moved = self._local(u, t) - p["slips_from"]
+        moved = self._over(self._local(u, t) - p["slips_from"], p)
         along = np.linalg.norm(self._tangential(moved, p), axis=0)
         longer = self._arcs(moved, p) - along
         touches = (p["bound"] * p["pressed"] > 0) & (force > 0)
@@ -229,7 +236,7 @@ class Friction:
         course
             Motion of the ply within the step.
         """
-        x, over, net = self._velocities(course)
+        x, over, net = self._velocities(course, p)
         normal = self._placement(t)[0] @ p["normal"]
         path = course.length(over - normal * (over * normal).sum(axis=1)[:, None])
         counted = np.maximum(self._arcs(net, p), self.slip)
@@ -254,7 +261,9 @@ class Friction:
         longer = course.length(over) - course.length(straight)
         return np.maximum(longer - self.slip, 0.0)
 
-    def _velocities(self, course: Course) -> tuple[ndarray, ndarray, ndarray]:
+    def _velocities(
+        self, course: Course, p: Values
+    ) -> tuple[ndarray, ndarray, ndarray]:
         """Velocities of the points in a step, and over the tool; and the slip.
 
         Both in the axes of the ply, shape (n, 3, n_nodes); the slip is in the axes of
@@ -264,7 +273,7 @@ class Friction:
         for first, last in course.around:
             dt = last[1] - first[1]
             x.append((self._positions(last[0]) - self._positions(first[0])) / dt)
-            local.append((self._local(*last) - self._local(*first)) / dt)
+            local.append(self._over(self._local(*last) - self._local(*first), p) / dt)
             over.append(self._placement(first[1])[0] @ local[-1])
         return np.array(x), np.array(over), course.sum(np.array(local))
 
@@ -296,7 +305,8 @@ class Friction:
 
     def _slipped(self, u: ndarray, t: float, p: Values) -> tuple[ndarray, ndarray]:
         """Slip y and its magnitude in mm."""
-        moved = self._tangential(self._local(u, t) - p["slips_from"], p)
+        moved = self._over(self._local(u, t) - p["slips_from"], p)
+        moved = self._tangential(moved, p)
         y = self._elastic(p) + moved
         return y, np.linalg.norm(y, axis=0)
 

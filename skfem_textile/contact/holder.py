@@ -53,6 +53,8 @@ class _Pressed(ToolParameters):
         every = (np.asarray(basis.basis[i][0])[0] for i in range(0, basis.Nbfun, 3))
         self._basis, self._shapes = basis, np.array([*every])
         self._integrals = (self._shapes * basis.dx).sum(axis=-1)
+        layers = getattr(basis, "layers", None)  # the ply that the holder touches
+        self._pressed = layers.exposed(obstacle.from_below) if layers else True
 
     def at_rest(self) -> Values:
         """Values before the run."""
@@ -78,7 +80,7 @@ class _Pressed(ToolParameters):
             local = rotation.T @ (x - translation[:, None])
             corners = local[:2, : self._mesh.nvertices]
             areas = areas * shares_inside(self._outline, self._mesh, corners)
-        areas, slopes = self._summed(areas), np.ones(x.shape[1])
+        areas, slopes = self._summed(areas) * self._pressed, np.ones(x.shape[1])
         nodes = np.flatnonzero(areas)
         at = obstacle.gaps(self._points.positions(u)[:, nodes], t)
         areas[nodes] *= np.isfinite(at.gap)

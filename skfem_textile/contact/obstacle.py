@@ -108,13 +108,22 @@ class Obstacle:
                 f"{what}: a tool requires a ply in space: use Ply(..., dimension=3)"
             )
         refuse_extent(what, tool.surface, basis.mesh)
-        return cls.near(tool, node_positions(basis), reach)
+        layers = getattr(basis, "layers", None)
+        if not layers:
+            return cls.near(tool, node_positions(basis), reach)
+        if tool.thickness:
+            raise ValueError(
+                f"{what}: the plies of a stack have their own thickness: omit the "
+                f"thickness {tool.thickness:g} mm of the tool"
+            )
+        thinnest = replace(tool, thickness=float(layers.thickness.min()))
+        return cls.near(thinnest, layers.X, reach)
 
     @classmethod
     def near(
         cls, tool: Any, nodes: ndarray, reach: Callable[[float], float] | None = None
     ) -> "Obstacle":
-        """Obstacle near the nodes of a flat ply, shape (2, n_nodes), of any size."""
+        """Obstacle near the nodes of a flat ply, shape (2 or 3, n), of any size."""
         what = f"tool {tool.name!r}"
         refuse_in_files(what, tool.name)
         if tool.side not in (None, 1, -1):
@@ -124,7 +133,7 @@ class Obstacle:
             raise ValueError(
                 f"{what}: the thickness must not be negative, got {2 * half:g} mm"
             )
-        X = np.pad(nodes, ((0, 1), (0, 0)))
+        X = np.pad(nodes, ((0, 3 - len(nodes)), (0, 0)))
         check_surface(what, tool.surface, X)
         outline = corners_of(what, tool.outline)
         side = tool.side or 1
@@ -141,6 +150,11 @@ class Obstacle:
     def placement(self, t: float) -> tuple[ndarray, ndarray]:
         """Rotation matrix and translation at a load factor, see `placement`."""
         return placement(self.what, self.motion, t)
+
+    @property
+    def from_below(self) -> int:
+        """−1 if it touches the ply from below, 1 from above; 0 if it is vertical."""
+        return -int(np.sign(np.round(self.at_rest[0][2], 6)))
 
     @cached_property
     def at_rest(self) -> tuple[ndarray, float]:
@@ -365,6 +379,11 @@ class ToolTerm(ElementTerm):
         self._element = basis.mesh.param()
         self.nodes = self._points.nodes
 
+    @property
+    def what(self) -> str:
+        """Name in messages."""
+        return self._obstacle.what
+
     def with_friction(self, coefficient: Callable[[float], float], slip: float) -> None:
         """Add Coulomb friction, see `Friction`."""
         from .friction import Friction
@@ -476,13 +495,13 @@ class ToolTerm(ElementTerm):
 class ToolParameters(TermParameters):
     """Parameters of a tool, and of its friction if there is any."""
 
-    def __init__(self, term: ToolTerm) -> None:
+    def __init__(self, term: Any) -> None:
         self._term = term
 
     def with_friction_at_rest(self, values: dict[str, Any]) -> Values:
         """Values of a ply at rest, and of its friction."""
         if friction := self._term.friction:
-            values |= friction.at_rest(np.zeros(self._term._obstacle.X.size))
+            values |= friction.at_rest(np.zeros(3 * self._term._points.matrix.shape[0]))
         return Values(values)
 
     def updated(
@@ -549,7 +568,10 @@ class ToolContact(ToolTerm, ContactTerm):
         super().__init__(name, obstacle, basis)
         self.points = self._points.matrix
         self.areas = asm(LinearForm(lambda v, w: v[0]), basis)[::3]
-        self._takes_part = self.areas > ROUND_OFF * self.areas.max()
+        self._takes_part, self._thicker = self.areas > ROUND_OFF * self.areas.max(), 0.0
+        if layers := getattr(basis, "layers", None):
+            self._takes_part &= layers.exposed(obstacle.from_below)
+            self._thicker = 0.5 * layers.thickness[layers.ply] - obstacle.half
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
 
@@ -566,7 +588,7 @@ class ToolContact(ToolTerm, ContactTerm):
         """See `ContactTerm.gaps`."""
         at = self._at(u, t)
         gap = self._obstacle.gap_of(at, p["outlined"], t) if "outlined" in p else at.gap
-        return np.where(self._takes_part, gap, np.inf)
+        return np.where(self._takes_part, gap - self._thicker, np.inf)
 
     def contradictions(self, states: Sequence[Any]) -> list[str]:
         """Nodes that cross its outline, else see `ToolTerm`."""
@@ -610,9 +632,11 @@ class ToolContact(ToolTerm, ContactTerm):
         """See `ContactTerm.normals`."""
         return self._at(u, t).normal
 
-    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
-        """See `ContactTerm.curvatures`."""
-        return self._obstacle.derivatives(self._at(u, t), nodes, t)[1]
+    def curved(self, u: ndarray, t: float, forces: ndarray) -> tuple[ndarray, ndarray]:
+        """See `ContactTerm.curved`."""
+        nodes = np.flatnonzero(forces)
+        _, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
+        return nodes, forces[nodes] * H
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """See `ContactTerm.forces`."""

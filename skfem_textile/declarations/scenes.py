@@ -270,6 +270,14 @@ class PlyOptions(TypedDict, total=False):
     part: Part | None
 
 
+class FormedOptions(PlyOptions, total=False):
+    """Common parameters of all plies that are formed; see `Formed`."""
+
+    layup: str | Sequence[float] | None
+    ply_friction: Any
+    ply_thickness: float | Sequence[float]
+
+
 @declaration(kw_only=True)
 class WithTools(Scene):
     """A ply in space with tools; the parameters of all such plies."""
@@ -388,8 +396,8 @@ class Formed(WithTools):
         closed=True,
     )
     gap: float | None = mm(
-        f"distance between die and holder (default: {HOLDER_GAP:g} without a pressure "
-        "or force)",
+        f"distance between die and holder (default: {HOLDER_GAP:g} and the thickness "
+        "of all plies of a lay-up, without a pressure or force)",
         default=None,
         name="holder_gap",
     )
@@ -408,7 +416,33 @@ class Formed(WithTools):
         name="holder_force",
     )
     compaction: Any = None
+    layup: str | Sequence[float] | None = key(
+        "plies that are formed together, from the bottom to the top, such as "
+        "'[0/90, ±45]s'; angles in degrees from the fibres of the scene (default: one "
+        "ply)",
+        default=None,
+        kind=str | None,
+    )
+    ply_friction: Any = key(
+        "coefficient of friction between plies; in a case file also a symmetric table "
+        "with a row of coefficients for each ply",
+        default=0.0,
+        kind=float | tuple[tuple[float, ...], ...],
+    )
+    ply_thickness: float | Sequence[float] = mm(
+        "thickness of each ply of the lay-up; 0 for plies in one plane",
+        default=0.0,
+        kind=float,
+    )
 
+    def formed(self) -> FormedOptions:
+        """Parameters of the plies."""
+        options: Any = {one: getattr(self, one) for one in _OF_FORMED}
+        return options
+
+
+# Names of the parameters of plies that are formed.
+_OF_FORMED = tuple(FormedOptions.__annotations__)
 
 _CENTRE = "centre of the ply, x and y in the axes of the tools"
 

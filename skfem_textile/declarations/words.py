@@ -147,7 +147,8 @@ def variation(word: str) -> tuple[str, list[Any]]:
     try:
         return path, tomllib.loads(f"x = [{values}]")["x"]
     except (ValueError, RecursionError):
-        return path, [_value(value) for value in values.split(",")]
+        # commas in brackets belong to a value, such as a lay-up
+        return path, [_value(x) for x in re.split(r",(?![^\[\]]*\])", values)]
 
 
 def pair(word: str) -> tuple[str, Any]:

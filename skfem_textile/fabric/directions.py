@@ -70,7 +70,7 @@ class FibreDirections:
 
         Multiples of 90° are exact.
         """
-        return cls(_at_angles(warp_deg), _at_angles(weft_deg))
+        return cls(at_angles(warp_deg), at_angles(weft_deg))
 
     def angles_deg(self) -> tuple[ndarray, ndarray]:
         """Angles of warp and weft to the x axis in degrees, in (−180, 180]."""
@@ -98,7 +98,7 @@ class FibreDirections:
         return replace(fabric, warp=self.warp, weft=self.weft)
 
 
-def _at_angles(degrees: ArrayLike) -> ndarray:
+def at_angles(degrees: ArrayLike) -> ndarray:
     """Unit vectors; quarter turns are separated first, so that they are exact."""
     angles = np.asarray(degrees, dtype=float)
     if angles.ndim != 1 or not np.isfinite(angles).all():

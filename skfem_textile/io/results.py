@@ -149,8 +149,9 @@ def write_fields(
     tools where they stand at each step.  A .pvd file lists
     the steps by load factor and opens in ParaView as one series.  If the user's
     elements were split or cut there is a second series, ``own_steps.pvd``, with the
-    mean of each field over them. Existing steps in the folder are removed.  Points and
-    vectors are converted to the coordinates in which the ply has the ``axes``.
+    mean of each field over them, except for a stack. Existing steps in the folder are
+    removed.  Points and vectors are converted to the coordinates in which the ply has
+    the ``axes``.
     """
     folder = Path(folder)
     with _name_path(folder):
@@ -159,8 +160,10 @@ def write_fields(
             for old_file in folder.glob(pattern):
                 old_file.unlink()
         ply, mesh = result.ply, result.ply.mesh
-        _write_series(result, folder, axes, "", mesh.p, [mesh.t])
-        if sum(cell.shape[1] for cell in ply.cells) < mesh.nelements:
+        at_rest = ply.at_rest[:, : mesh.nvertices]
+        _write_series(result, folder, axes, "", at_rest, [mesh.t])
+        own = sum(cell.shape[1] for cell in ply.cells) < mesh.nelements
+        if own and not hasattr(ply, "plies"):
             maps = partial(on_users_nodes, ply), partial(on_users_elements, ply)
             points = ply.users_points
             _write_series(result, folder, axes, "own_", points, ply.cells, *maps)
@@ -182,7 +185,7 @@ def _write_series(
 
     ``on_points`` and ``on_cells`` map fields to the nodes and cells of the file.
     """
-    points_on_tool = axes.of_tool(np.pad(nodes, ((0, 1), (0, 0))))
+    points_on_tool = axes.of_tool(np.pad(nodes, ((0, 3 - len(nodes)), (0, 0))))
     files = {}
     for i, state in enumerate(result.states):
         name = f"{prefix}step_{i:04d}.vtu"
@@ -291,6 +294,9 @@ def fields_between_tools(
     (mm), NaN off the outline; for elements
     ``areal_weight_ratio``, relative to the flat ply, ``wrinkle_risk``, 0 or 1, and if a
     tool states the thickness of the ply ``thickness_at_constant_fibre_fraction`` (mm).
+    Of a stack also ``ply``, the number of the ply, and at vertices
+    ``gap_to_ply_above``, ``slip_to_ply_above`` (mm) and ``pressure_to_ply_above``
+    (N/mm²), NaN where none is above.
     """
     from ..contact import areal_weight, contacts, draw_in, pressing, tool_pressure
     from ..contact.holder import flat_thickness
@@ -313,6 +319,15 @@ def fields_between_tools(
     if thickness := flat_thickness(ply):
         of_ply = areal_weight(ply, u, thickness)
         cells["thickness_at_constant_fibre_fraction"] = of_ply
+    if plies := getattr(ply, "plies", ()):
+        stack: Any = ply
+        numbers = range(1, len(plies) + 1)
+        for name in ("gap", "slip", "pressure"):
+            of_plies = [getattr(stack, name)(state, i) for i in numbers]
+            points[f"{name}_to_ply_above"] = np.concatenate(of_plies)[:n]
+        cells["ply"] = np.repeat(numbers, [x.mesh.nelements for x in plies]).astype(
+            float
+        )
     return points, cells
 
 

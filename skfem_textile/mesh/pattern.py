@@ -16,6 +16,10 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 # Tolerance for the symmetry of a matrix, relative to its largest entry.
 _SYMMETRIC = 1e-8
 
+# Number of matrices whose pairs of nodes are kept, a limit of memory: the
+# contact points, and a few pairs of plies.
+_KEPT = 8
+
 
 class Pattern:
     """Positions of the blocks of element matrices in the assembled matrix.
@@ -60,6 +64,7 @@ class Pattern:
         self.rows = np.repeat(nodes, np.diff(every.indptr))
         self.cols = every.indices.astype(np.int32)
         self._added: dict[str, _Added] = {}  # the last matrix of each term
+        self._congruent: dict[tuple[bytes, bytes], Any] = {}
 
         # Numbers of the entries of the blocks of pairs, (n_pairs, d, d, n).  Where the
         # first node of a pair has the smaller number, its block is kept transposed.
@@ -157,14 +162,41 @@ class Pattern:
         scipy.sparse.csr_matrix
             Shape (n_blocks, n_points).  Pairs of nodes outside the pattern are omitted.
         """
-        pairs = points.tocoo()
-        both = csr_matrix((np.ones(pairs.nnz), (np.arange(pairs.nnz), pairs.row)))
-        one, other = (both @ both.T).nonzero()
-        row, col = pairs.col[one], pairs.col[other]
-        block = np.where(row >= col, self._blocks(row, col), -1)
-        one, other, block = (x[block >= 0] for x in (one, other, block))
-        weights, at = pairs.data[one] * pairs.data[other], (block, pairs.row[one])
-        return csr_matrix((weights, at), (len(self.rows), points.shape[0]))
+        slots, one, other, _ = self._pairs_in_rows(points)
+        return with_data(slots, (points.data[one] * points.data[other])[slots.data])
+
+    def summed(self, points: csr_matrix, blocks: ndarray) -> ndarray:
+        """Blocks of Σ_k w_kᵀ D_k w_k, see `congruence`, for D of shape (d, d, n)."""
+        d = self.dimension
+        flat = np.ascontiguousarray(blocks.T).reshape(-1, d * d)
+        return np.asarray(self.congruence(points) @ flat).reshape(-1, d, d)
+
+    def covers(self, points: csr_matrix) -> bool:
+        """True if all pairs of nodes in the rows of a matrix have blocks."""
+        return self._pairs_in_rows(points)[-1]
+
+    def _pairs_in_rows(
+        self, points: csr_matrix
+    ) -> tuple[csr_matrix, ndarray, ndarray, bool]:
+        """Slots of pairs of entries in the same row, the pairs, and if none is missing.
+
+        Those of the last matrices with the same nodes are kept.
+        """
+        known = self._congruent
+        key = points.indptr.tobytes(), points.indices.tobytes()
+        if key not in known:
+            pairs = points.tocoo()
+            one, other = pairs_in_rows(points)
+            below = pairs.col[one] >= pairs.col[other]
+            one, other = one[below], other[below]
+            block = self._blocks(pairs.col[one], pairs.col[other])
+            one, other, block = (x[block >= 0] for x in (one, other, block))
+            shape = len(self.rows), points.shape[0]
+            slots = matrix_of_slots(np.arange(len(one)), block, pairs.row[one], shape)
+            if len(known) == _KEPT:
+                known.pop(next(iter(known)))
+            known[key] = slots, one, other, len(one) == np.count_nonzero(below)
+        return known[key]
 
     def matrix(self, blocks: ndarray) -> csr_matrix:
         """Assembled matrix."""
@@ -187,6 +219,26 @@ class Pattern:
         col = (d * self.cols[:, None, None] + j).ravel()
         slots = np.flatnonzero(row >= col).astype(i.dtype)
         return slots, row[slots], col[slots]
+
+
+def pairs_in_rows(matrix: csr_matrix) -> tuple[ndarray, ndarray]:
+    """Pairs of entries of a matrix in the same row, by their numbers."""
+    size = np.diff(matrix.indptr)
+    own = np.repeat(size, size)  # entries in the row of each entry
+    one = np.repeat(np.arange(matrix.nnz), own)
+    first = np.repeat(np.repeat(matrix.indptr[:-1], size), own)
+    return one, first + np.arange(len(one)) - np.repeat(np.cumsum(own) - own, own)
+
+
+def padded(points: csr_matrix) -> tuple[ndarray, ndarray]:
+    """Nodes in the rows of a matrix and their weights, each (n, n_rows).
+
+    Shorter rows are padded with their first node and zero weights.
+    """
+    size = np.diff(points.indptr)
+    within = np.arange(size.max())[:, None]
+    at = points.indptr[:-1] + np.where(within < size, within, 0)
+    return points.indices[at], np.where(within < size, points.data[at], 0.0)
 
 
 class Sums:

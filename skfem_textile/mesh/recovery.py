@@ -13,6 +13,8 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix, identity
 from skfem import CellBasis, ElementQuad1
 
+from .pattern import padded
+
 # Least number of elements of a patch: three by three determine a quadratic polynomial.
 _LEAST = 9
 
@@ -207,6 +209,8 @@ class ContactPoints:
         Nodes of the undeformed ply in mm, shape (3, n_nodes).
     basis
         Basis of the displacement.
+    recovered
+        False for the nodes themselves.
 
     Attributes
     ----------
@@ -216,13 +220,14 @@ class ContactPoints:
         Numbers of the nodes on which each contact point depends, shape (n, n_nodes).
     """
 
-    def __init__(self, X: ndarray, basis: CellBasis) -> None:
+    def __init__(self, X: ndarray, basis: CellBasis, recovered: bool = True) -> None:
         self._X, self.matrix = X, csr_matrix(identity(X.shape[1]))
         mirrors = getattr(basis, "mirrors", ())
-        if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]
+        bilinear: Any = basis.elem
+        if recovered and isinstance(bilinear.elem, ElementQuad1):
             self.matrix = contact_points(basis.mesh, mirrors)
         self._mirrors = [nodes_and_normal(basis.mesh, edges) for edges in mirrors]
-        self.nodes, self._weights = _padded(self.matrix)
+        self.nodes, self._weights = padded(self.matrix)
         self._to_nodes = csr_matrix(self.matrix.T)
 
     def positions(self, u: ndarray) -> ndarray:
@@ -256,14 +261,3 @@ class ContactPoints:
         """Arguments of `Pattern.sum` for blocks at the points, (3, 3, n_nodes)."""
         one, other = self._weights[np.array(np.triu_indices(len(self.nodes)))]
         return (one * other)[:, None, None] * K
-
-
-def _padded(points: csr_matrix) -> tuple[ndarray, ndarray]:
-    """Nodes in the rows of a matrix and their weights, each (n, n_rows).
-
-    Shorter rows are padded with their first node and zero weights.
-    """
-    size = np.diff(points.indptr)
-    within = np.arange(size.max())[:, None]
-    at = points.indptr[:-1] + np.where(within < size, within, 0)
-    return points.indices[at], np.where(within < size, points.data[at], 0.0)

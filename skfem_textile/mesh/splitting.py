@@ -122,6 +122,56 @@ class SplitMesh(Made, MeshQuad):
     origin: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
 
+def joined(meshes: Sequence[Any], what: str) -> Any:
+    """Disjoint meshes of quadrilaterals as one, all split or none.
+
+    Boundaries and named nodes of the same name become one; ``WHAT 1: NAME`` are the
+    ones of the first mesh, and ``WHAT 1`` the subdomain of its elements.
+
+    Examples
+    --------
+    >>> both = joined([split(MeshQuad().with_defaults()), split(MeshQuad())], "ply")
+    >>> both.nelements, sorted(both.subdomains), len(both.boundaries["ply 1: left"])
+    (8, ['ply 1', 'ply 2'], 2)
+    """
+    sizes = ([mesh.p.shape[1], mesh.nelements, mesh.nfacets] for mesh in meshes)
+    starts = np.cumsum([[0, 0, 0], *sizes], axis=0)[:-1]
+    p = np.hstack([mesh.p for mesh in meshes])
+    pairs = list(zip(meshes, starts.tolist(), strict=True))
+    t = np.hstack([mesh.t + node for mesh, (node, *_) in pairs])
+    subdomains, names = {}, dict[str, list[ndarray]]()
+    points = dict[str, list[ndarray]]()
+    for i, (mesh, (node, element, facet)) in enumerate(pairs, 1):
+        subdomains[f"{what} {i}"] = element + np.arange(mesh.nelements)
+        named = (mesh.boundaries, facet, names), (named_nodes(mesh), node, points)
+        for every, first, into in named:
+            for name, numbers in (every or {}).items():
+                for key in (name, f"{what} {i}: {name}"):
+                    into.setdefault(key, []).append(first + np.asarray(numbers))
+    boundaries = {name: np.concatenate(x) for name, x in names.items()}
+    nodes = {name: np.concatenate(x) for name, x in points.items()}
+    if not all(map(was_split, meshes)):
+        return with_named_nodes(
+            with_names(MeshQuad(p, t), boundaries, subdomains), nodes
+        )
+    cells = [x + node for mesh, (node, *_) in pairs for x in mesh.cells]
+    counts = [sum(x.shape[1] for x in mesh.cells) for mesh in meshes]
+    offsets = np.cumsum([0, *counts[:-1]])
+    parent = np.concatenate(
+        [x.parent + n for x, n in zip(meshes, offsets, strict=True)]
+    )
+    mesh = SplitMesh(
+        *(p, t),
+        cells=tuple(cells),
+        parent=parent,
+        made=_elements(t, parent),
+        originals=tuple(cells),
+        origin=np.arange(sum(counts)),
+        named_nodes=nodes,
+    )
+    return with_names(mesh, boundaries, subdomains)
+
+
 def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
     """True if a mesh is a result of `split` with valid parents.
 

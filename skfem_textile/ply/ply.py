@@ -131,6 +131,17 @@ class Ply(SumOfTerms):
         self.users_mesh = mesh.original if was_changed(mesh) else mesh
         self.mesh = mesh = formulation.working_mesh(mesh)
         self.basis = formulation.basis(mesh, dimension)
+        self._build(fabric, formulation, terms, fibre_ends)
+
+    def _build(
+        self,
+        fabric: Fabric | Mapping[str, Fabric],
+        formulation: Formulation,
+        terms: Iterable[Term | Load],
+        fibre_ends: Mapping[str, FibreEnd] | None,
+    ) -> None:
+        """Build the terms on the mesh and the basis."""
+        mesh = self.mesh
         self.cells, self.parent = original_elements(mesh)
         if isinstance(fabric, Mapping):
             fabric = fabric_of_regions(mesh, fabric, self.parent)
@@ -231,8 +242,15 @@ class Ply(SumOfTerms):
 
     def positions(self, u: ndarray) -> ndarray:
         """Positions of the nodes in mm, shape (d, n_nodes)."""
+        return self.at_rest + self.nodal(u)
+
+    @property
+    def at_rest(self) -> ndarray:
+        """Positions of the nodes of the undeformed ply in mm, shape (d, n_nodes)."""
+        if layers := getattr(self.basis, "layers", None):  # of a stack
+            return np.asarray(layers.X)
         flat = components(self.basis) - 2
-        return np.pad(self.nodes, ((0, flat), (0, 0))) + self.nodal(u)
+        return np.pad(self.nodes, ((0, flat), (0, 0)))
 
     def hat_functions(self) -> csr_matrix:
         """Hat functions of the corners of the user's elements at all nodes.
@@ -325,6 +343,12 @@ class Ply(SumOfTerms):
         from ..mesh.recovery import recovery  # not imported for plies in the plane
 
         return recovery(self.mesh)
+
+    def largest_shear_angle(self, u: ndarray) -> float:
+        """Largest shear angle in radians, recovered at the nodes or at the centres."""
+        angle = self.shear_angle(u, self.centre)[:, 0]
+        at_nodes = self.recovery @ angle
+        return float(max(np.abs(at_nodes).max(), np.abs(angle).max()))
 
     @cached_property
     def _at_users_nodes(self) -> csr_matrix:

@@ -27,11 +27,20 @@ from ..forms.kernels.kernel import (
     shared_groups,
 )
 from ..mesh.bases import components
-from ..mesh.pattern import Pattern
+from ..mesh.pattern import Pattern, padded
 from .builtin_terms import BendingTerm, Corners
 from .parameters import NO_VALUES, Frozen, PlyParameters, Values
 from .term_check import coupled_nodes, terms_on_basis
-from .terms import Contribution, ElementTerm, FormTerm, Load, Role, TensionTerm, Term
+from .terms import (
+    ContactTerm,
+    Contribution,
+    ElementTerm,
+    FormTerm,
+    Load,
+    Role,
+    TensionTerm,
+    Term,
+)
 
 
 class _Kinds(NamedTuple):
@@ -105,6 +114,8 @@ class SumOfTerms(FabricOnBasis):
             x.name: x.parameters for x in self._terms if x.parameters is not None
         }
         self._d = components(basis)
+        self._coupled: list[ndarray] = []
+        self._at_rest: Pattern | None = None
         self._last: tuple[
             bytes,
             dict[IntegrationPoints, FibreDeformation],
@@ -210,7 +221,22 @@ class SumOfTerms(FabricOnBasis):
             for nodes in coupled_nodes(term, self.basis)
         ]
         d = self._d
-        return Pattern(d, self.basis.N // d, elements, couples)
+        return Pattern(d, self.basis.N // d, elements, [*couples, *self._coupled])
+
+    def couple(self, matrices: Iterable[csr_matrix]) -> None:
+        """Extend the ``pattern`` by pairs of nodes in the rows of matrices.
+
+        Each has the shape (n, n_nodes).
+        """
+        for rows in matrices:
+            self._coupled.append(padded(rows[np.diff(rows.indptr) > 0])[0])
+        self._at_rest = self._at_rest or self.pattern
+        del self.pattern
+
+    def uncouple(self) -> None:
+        """Restore the ``pattern`` at rest, so that steps are independent."""
+        if self._at_rest:
+            self._coupled, self.pattern = [], self._at_rest
 
     @cached_property
     def _kinds(self) -> _Kinds:
@@ -419,7 +445,12 @@ class SumOfTerms(FabricOnBasis):
             matrices = map(positive_part, matrices)
         blocks = self.pattern.sum(matrices)
         for term in self._kinds.by_matrix:
-            K = term.tangent(u, t, p.get(term.name, NO_VALUES))
+            values = p.get(term.name, NO_VALUES)
+            if isinstance(term, ContactTerm):
+                for rows, of_rows in term.blocks(u, t, values):
+                    blocks += self.pattern.summed(rows, of_rows)
+                continue
+            K = term.tangent(u, t, values)
             if K is not None:
                 self.pattern.add(blocks, K, term.name)
         return blocks

@@ -147,8 +147,8 @@ class ElementTerm(Term):
 STIFFNESS_OF_GAP = 1e-12
 
 
-class ContactTerm(ElementTerm):
-    """Contact of a ply with a tool that moves with the load factor.
+class ContactTerm(Term):
+    """Contact of a ply with a tool that moves with the load factor, or of two plies.
 
     Contact forces λ ≥ 0 and gaps g ≥ 0 with λ g = 0 satisfy λ = max(λ − κ g, 0) for any
     κ > 0: they are a stationary point of the augmented Lagrangian Σ (max(λ − κ g, 0)² −
@@ -163,11 +163,14 @@ class ContactTerm(ElementTerm):
         the gap is evaluated, shape (n_nodes, n_nodes); see `contact_points`.
     friction
         `contact.friction.Friction` of the tool, or None.
+    of_plies
+        True for the contact of two plies.
     """
 
     role = "load"
     points: csr_matrix
     friction: Any = None
+    of_plies: ClassVar[bool] = False
 
     @staticmethod
     def check(ply: Any, moved: float) -> None:
@@ -197,8 +200,35 @@ class ContactTerm(ElementTerm):
         """Unit normals of the tool at the contact points, shape (3, n_nodes)."""
         raise NotImplementedError
 
-    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
-        """Second derivatives ∇²g of the gaps of some nodes, shape (3, 3, n)."""
+    def relative(self, u: ndarray) -> csr_matrix:
+        """Weights of the nodes in the motions that change the gaps along the normals.
+
+        Shape (n_nodes, n_nodes): the ``points``, of two plies relative to each other.
+        """
+        return self.points
+
+    def coupled(self, u: ndarray, p: Values) -> Sequence[csr_matrix]:
+        """Weights of the nodes that the tangent couples, of normal forces and friction.
+
+        Those of normal forces are ``relative`` without round-off.
+        """
+        return (self.points,)
+
+    def around(self, u: ndarray) -> csr_matrix:
+        """Matrix in whose rows are all nodes of the elements on each other."""
+        return self.points
+
+    def blocks(
+        self, u: ndarray, t: float, p: Values
+    ) -> Sequence[tuple[csr_matrix, ndarray]]:
+        """Tangent as sums over points: weights of the nodes, and blocks (3, 3, n)."""
+        raise NotImplementedError
+
+    def curved(self, u: ndarray, t: float, forces: ndarray) -> tuple[ndarray, ndarray]:
+        """Second derivatives Σ λ ∇²g by contact points, for forces λ of all nodes.
+
+        Numbers of the points, shape (n,), and a block for each, shape (3, 3, n).
+        """
         raise NotImplementedError
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:

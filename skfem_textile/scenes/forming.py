@@ -24,7 +24,7 @@ from skfem import CellBasis, FacetBasis, LinearForm, Mesh, asm
 from ..contact import Holder, Tool, contacts
 from ..contact.obstacle import refuse_extent
 from ..declarations import scenes as declared
-from ..declarations.scenes import PlyOptions
+from ..declarations.scenes import FormedOptions
 from ..mesh.checks import MeshError
 from ..mesh.user_input import real_numbers, shortened
 from ..ply.terms import VectorTerm
@@ -39,6 +39,7 @@ from .scene import Scene, with_parameters
 
 if TYPE_CHECKING:
     from ..surfaces.triangle_mesh import TriangleMesh
+    from .plies import Plies
 
 #: Default distance between die and holder in mm.
 GAP = declared.HOLDER_GAP
@@ -101,7 +102,7 @@ def formed_ply(
     tools: Sequence[Tool | Holder],
     mesh: str | Mesh,
     axes: Axes = SAME_AXES,
-    **ply: Unpack[PlyOptions],
+    **ply: Unpack[FormedOptions],
 ) -> Scene:
     """Scene of a ply between tools.
 
@@ -117,14 +118,23 @@ def formed_ply(
         edge tension of 0.2 N/mm.
     axes
         Axes of the scene in the axes of the user's tools.
+    layup
+        Plies that are formed together, see `Case.ply`: a text such as ``[0/90, ±45]s``,
+        or the angle of each ply in degrees, from the bottom to the top.  One ply by
+        default.
+    ply_friction, ply_thickness
+        Friction between the plies, and their thickness in mm, see `contact.Stack`.
 
     Raises
     ------
     ValueError
-        If the mesh is not valid or does not fit, or a number is not.
+        If the mesh is not valid or does not fit, a number is not valid, or the lay-up
+        cannot be read.
     """
-    options = declared.Formed(**ply).ply()
-    at_rest = flat_ply(name, mesh, **options)
+    given = declared.Formed(**ply)
+    plies = _plies(name, given)
+    turned_deg = plies.angles_deg if plies else ()
+    at_rest = flat_ply(name, mesh, turned_deg, **given.ply())
     flat, _, tension, held = at_rest
     held_at = in_planes(name, flat) if held else _at_centre(name, flat, not tension)
     warp, weft = at_rest.fibres
@@ -143,6 +153,7 @@ def formed_ply(
         measured=partial(_measured, holding=() if held else tuple(held_at)),
         misfit=_NO_EXACT,
         axes=axes,
+        plies=plies,
     )
 
 
@@ -197,7 +208,24 @@ def _gap_at_rest(name: str, given: declared.Formed) -> float:
             f"{name}: a holder has either a gap, a pressure or a force: omit "
             f"{' or '.join(stated)}"
         )
-    return _gap(name, GAP if given.gap is None else given.gap)
+    if given.gap is None:
+        plies = _plies(name, given)
+        return GAP + (sum(plies.thickness) if plies else 0.0)
+    return _gap(name, given.gap)
+
+
+def _plies(name: str, given: declared.Formed) -> "Plies | None":
+    """Plies of the lay-up of a scene; None without."""
+    if given.layup is not None:
+        from .plies import plies_of  # needed for few scenes
+
+        return plies_of(name, given.layup, given)
+    for key in "ply_friction", "ply_thickness":
+        if np.any(getattr(given, key)):
+            raise ValueError(
+                f"{name}: {key} requires layup, because there is one ply: set it too"
+            )
+    return None
 
 
 def _beyond(
@@ -216,12 +244,21 @@ def _at_centre(name: str, mesh: Mesh, turns: bool) -> dict[str, Condition]:
     """Conditions of a whole ply against motions in its plane."""
     half = half_way(name, mesh)
     centre = int(np.hypot(*mesh.p).argmin())
-    held = {"centre": Condition([centre], (0.0, 0.0, None))}
+    held = {"centre": _held(mesh, centre, (0.0, 0.0, None))}
     if turns:
         away = np.hypot(*(mesh.p - half[:, None]))
         away[centre] = np.inf
-        held["turn"] = Condition([int(away.argmin())], (None, 0.0, None))
+        held["turn"] = _held(mesh, int(away.argmin()), (None, 0.0, None))
     return held
+
+
+def _held(mesh: Mesh, node: int, value: tuple[float | None, ...]) -> Condition:
+    """Condition on a node, in every ply of a stack."""
+    return Condition(partial(_is_at, point=mesh.p[:, node]), value)
+
+
+def _is_at(X: ndarray, point: ndarray) -> ndarray:
+    return (point[:, None] == X).all(axis=0)
 
 
 def _measured(result: Result, holding: Collection[str]) -> dict[str, float | str]:
@@ -251,7 +288,8 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
 
     Parameters
     ----------
-    mesh, size, jitter, seed, fibres, width, height, tension, part
+    mesh, size, jitter, seed, fibres, width, height, tension, part, layup, ply_friction,
+    ply_thickness
         See `formed_ply`.
     centre
         Centre of the ply, x and y in mm from the axis of the tools; the whole ply is
@@ -304,7 +342,8 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
 
     Parameters
     ----------
-    mesh, size, jitter, seed, fibres, width, height, tension, part
+    mesh, size, jitter, seed, fibres, width, height, tension, part, layup, ply_friction,
+    ply_thickness
         See `formed_ply`; the size is 24 × 16 and the width 470 mm by default.
     travel
         Final travel of the punch in mm, at most the height of the dome.
@@ -345,7 +384,7 @@ def _whole_if_moved(
     given: declared.FormedBySymmetricTools,
 ) -> Scene:
     """Scene of a ply, which is whole if its centre is beside the axis of the tools."""
-    axes, ply = Axes(np.append(_centre(name, given.centre), 0.0)), given.ply()
+    axes, ply = Axes(np.append(_centre(name, given.centre), 0.0)), given.formed()
     if any(given.centre):
         if given.part == "quarter":
             raise ValueError(
@@ -389,12 +428,14 @@ def forming(given: declared.Forming) -> Scene:
     ----------
     punch, die
         Triangulated tools, see `skfem_textile.io.read_surface`.
-    mesh, size, jitter, seed, fibres, width, height, tension, part
+    mesh, size, jitter, seed, fibres, width, height, tension, part, layup, ply_friction,
+    ply_thickness
         See `formed_ply`; the part is the whole ply by default.
     travel
         Final travel of the punch along z in mm, negative if it moves down.
     gap
-        Distance between die and holder in mm: `GAP` by default.
+        Distance between die and holder in mm: by default `GAP` and the thickness of
+        all plies of a lay-up.
     pressure
         Pressure of the holder in N/mm² instead of a gap.  It acts on the part of the
         ply under the flange of the die, the triangles at its lowest point.
@@ -424,7 +465,7 @@ def forming(given: declared.Forming) -> Scene:
     outline = _flange(die, up, flange) if presses else np.empty((2, 0))
     sides = _side(punch, up), _side(die, -up)
     tools = _press_tools("forming", punch, die, given, outline, sides)
-    scene = formed_ply("forming", tools, given.mesh, axes, **given.ply())
+    scene = formed_ply("forming", tools, given.mesh, axes, **given.formed())
     for name, tool in ("punch", punch), ("die", die):
         refuse_extent(f"forming: the {name}", tool, scene.mesh)
     heights, plane = up * punch.facets.points[2], f"{axes.origin[2]:.6g} mm"

@@ -1,6 +1,6 @@
 """Meshes of a rectangle, and flat plies with their planes of symmetry."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Unpack
 
 import numpy as np
@@ -210,6 +210,7 @@ class FlatPly(NamedTuple):
 def flat_ply(
     name: str,
     mesh: str | Mesh,
+    turned_deg: Sequence[float] = (),
     **ply: Unpack[PlyOptions],
 ) -> FlatPly:
     """Flat ply of a scene with planes of symmetry.
@@ -221,6 +222,8 @@ def flat_ply(
     mesh
         A mesh of the ply centred at the origin, or of its quarter with the lower left
         corner there; or the kind of `rectangle` to generate.
+    turned_deg
+        Angle in degrees by which the fibres of each ply are turned.
     size, jitter, seed
         See `rectangle`; they apply to the computed part.
     fibres
@@ -241,13 +244,14 @@ def flat_ply(
     given = OnTool(**ply)
     fibres, part, width, height = given.fibres, given.part, given.width, given.height
     _refuse_numbers(name, given)
-    symmetric = abs(fibres / (np.pi / 4) - round(fibres / (np.pi / 4))) < _OFF
-    if part == "quarter" and not symmetric:
+    inclined = fibres + np.radians([0.0, *turned_deg])
+    skew = np.abs(inclined / (np.pi / 4) - np.rint(inclined / (np.pi / 4))) >= _OFF
+    if part == "quarter" and skew.any():
         raise ValueError(
-            f"{name}: fibres at {np.degrees(fibres):g} degrees have no planes of "
-            "symmetry: use the whole ply"
+            f"{name}: fibres at {np.degrees(inclined[skew][0]):g} degrees have no "
+            "planes of symmetry: use the whole ply"
         )
-    part = part or ("quarter" if symmetric else "whole")
+    part = part or ("whole" if skew.any() else "quarter")
     share, held = (0.5, tuple(_SYMMETRY)) if part == "quarter" else (1.0, ())
     angles = fibres, fibres + np.pi / 2
     if isinstance(mesh, str):

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..contact import Holder, Process, Tool
     from ..mesh.selection import FibreEnd
     from ..outlines import Outline
+    from .plies import Plies
     from .shear_test import BiasTest, FrameTest
 
 ExactField = Callable[[ndarray, float], ndarray]
@@ -136,6 +137,8 @@ class Scene:
         Load programme that motions and loads follow, or None, see `through`.
     process
         Process whose tools are the tools of the scene, or None.
+    plies
+        Plies that are formed together, or None for one ply.
     """
 
     name: str
@@ -165,6 +168,7 @@ class Scene:
     initial_guess: Callable[[Ply], ndarray | None] | None = None
     programme: Programme | None = None
     process: "Process | None" = None
+    plies: "Plies | None" = None
 
     def through(
         self, levels: Sequence[float], release: Collection[str] = ()
@@ -576,7 +580,7 @@ class Case:
     describe: str | None = None
 
     def ply(self) -> Ply:
-        """The ply at rest.
+        """The ply at rest, or the `contact.Stack` of the plies of the scene.
 
         Raises
         ------
@@ -585,12 +589,16 @@ class Case:
         """
         scene = self.scene
         of_fabric = scene.loads_of(self.fabric) if scene.loads_of else ()
-        loads = *scene.loads, *of_fabric, *self.loads
-        return Ply(
-            *(scene.mesh, self.fabric, self.formulation, (*loads, *scene.tools)),
-            dimension=scene.dimension,
-            fibre_ends=scene.fibre_ends,
-        )
+        terms = *scene.loads, *of_fabric, *self.loads, *scene.tools
+
+        def ply(fabric: Fabric, *terms: Any) -> Ply:
+            d, ends = scene.dimension, scene.fibre_ends
+            of_ply = scene.mesh, fabric, self.formulation, terms
+            return Ply(*of_ply, dimension=d, fibre_ends=ends)
+
+        if scene.plies is None:
+            return ply(self.fabric, *terms)
+        return scene.plies.stack(self.fabric, ply, terms)
 
     def stepper(self, checkpoint: str | os.PathLike[str] | None = None) -> LoadStepper:
         """Load stepper of the ply.

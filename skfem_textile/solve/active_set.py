@@ -10,10 +10,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy import ndarray
+from scipy.optimize import brentq
 from scipy.sparse import csr_matrix
 
 from ..ply.parameters import Frozen, PlyParameters, Values
 from ..ply.terms import STIFFNESS_OF_GAP
+from .contact_points import couple, curved
 from .direction import NEAR, TINY, Direction, Increment, Iterate
 from .problem import Evaluation, Problem, Tangent
 from .states import NoEquilibriumError
@@ -25,7 +27,10 @@ CLOSED = 1e-9
 # Maximum number of linear solves by which an increment finds the nodes that touch.
 # With more, early iterations solve for nodes that the next ones change; with one, the
 # nodes of flat plies between two tools alternate.
-_MOST_SOLVES = 3
+_MOST_SOLVES, _MOST_SOLVES_OF_PLIES = 3, 10
+
+# Accuracy of the share of an increment of plies.
+_SHARE = 1e-6
 
 # Force of a node that touches or leaves after a solve, relative to the largest
 # unbalanced force before it, up to which the contact nodes are accepted.  An exact set
@@ -124,7 +129,7 @@ def resultants(
             -problem.nodal(x.residual(u, t, parameters[x.name])).sum(axis=1),
             x.travel(t),
         )
-        for x in problem.contacts
+        for x in problem.tools
     }
 
 
@@ -193,7 +198,8 @@ class ActiveSet(Direction):
         unit = gaps.kappa[0, 0] * np.eye(3)
         far, projected, shift = at.unbalanced(problem) > NEAR, False, 0.0
         accepted = _ACCEPTED * problem.unbalanced(at.f, u)
-        for _ in range(_MOST_SOLVES):
+        between = problem.tools != problem.contacts
+        for _ in range(_MOST_SOLVES_OF_PLIES if between else _MOST_SOLVES):
             tangent, (force, touching) = None, gaps.active(problem)
             if far and not projected:
                 tangent, _ = self._definite(u, K + touching, unit, shift, shift)
@@ -205,8 +211,8 @@ class ActiveSet(Direction):
                 raise NoEquilibriumError(
                     "no shift of the tangent makes it positive definite"
                 )
-            du = tangent.increment(f + force, u, fixed_values)
-            if gaps.moved(problem.nodal(du)) <= accepted:
+            du = gaps.reached(problem, tangent.increment(f + force, u, fixed_values))
+            if gaps.moved() <= accepted:
                 break
         assert tangent
         self._last_shift = shift or self._last_shift
@@ -249,7 +255,7 @@ class ActiveSet(Direction):
             bounds = self._relaxed(before, np.array(every))
             for x, bound in zip(tools, bounds, strict=True):
                 p, normals = changed[x.name], x.normals(u, t)
-                changed[x.name] = x.friction.bounded(p, t, normals, bound)
+                changed[x.name] = x.friction.bounded(p, u, t, normals, bound)
         return Frozen({**parameters, **changed})
 
     def tangent(self, at: Iterate) -> None:
@@ -259,12 +265,13 @@ class ActiveSet(Direction):
         """Nodal forces without tools, and stiffness less λ∇²g."""
         problem, (u, f, p, tension, forces, _) = self.problem, at
         t, rest = problem.load_factor, frictional(problem, p)
+        couple(problem.ply, problem.contacts, u, p)
         arguments = u, t, rest, tension
         K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
-        for tool, force in zip(problem.contacts, forces, strict=True):
-            f = f - tool.residual(u, t, p[tool.name])
-            f = f + tool.residual(u, t, rest[tool.name])
-            K = problem.curved(u, K, tool, force)
+        for contact, force in zip(problem.contacts, forces, strict=True):
+            f = f - contact.residual(u, t, p[contact.name])
+            f = f + contact.residual(u, t, rest[contact.name])
+            K = curved(problem.ply, u, t, K, contact, force)
         return f, K
 
     def _projected(self, at: Iterate) -> ndarray:
@@ -304,28 +311,39 @@ class ActiveSet(Direction):
 
 @dataclass
 class _LinearGaps:
-    """Linearised gaps g + n·PΔu of all tools, with λ, κ, and forces max(λ − κ g, 0).
+    """Linearised gaps g + n·RΔu of all contacts, with λ, κ, and forces max(λ − κ g, 0).
 
-    Shapes (n_tools, n_nodes), (n_tools, 3, n_nodes) of the normals, (n_tools, 1) of κ,
-    and (n_nodes, n_nodes) of the matrix P to the contact points.
+    Shapes (n_contacts, n_nodes), (n_contacts, 3, n_nodes) of the normals, (n_contacts,
+    1) of κ, and (n_nodes, n_nodes) of each matrix R (`ContactTerm.relative`), with the
+    numbers of the contacts that it belongs to.
     """
 
-    points: csr_matrix
+    relative: list[tuple[csr_matrix, csr_matrix, list[int]]]
     gap: ndarray
     normal: ndarray
     multiplier: ndarray
     kappa: ndarray
     force: ndarray
+    last: tuple[ndarray, ndarray, ndarray] | None = None
 
     @classmethod
     def at(cls, problem: Problem, at: Iterate) -> "_LinearGaps":
         """Gaps at an iterate."""
-        tools, state = problem.contacts, (at.u, problem.load_factor)
+        contacts, state = problem.contacts, (at.u, problem.load_factor)
         kappa = values(problem, at.parameters, "stiffness").max(axis=1, keepdims=True)
+        of_tools = [i for i, x in enumerate(contacts) if not x.of_plies]
+        relative = [
+            (x.relative(at.u), x.coupled(at.u, at.parameters[x.name])[0], [i])
+            for i, x in enumerate(contacts)
+            if x.of_plies
+        ]
+        if of_tools:  # all have the same contact points
+            P = contacts[of_tools[0]].points
+            relative.append((P, P, of_tools))
         return cls(
-            tools[0].points,
-            np.array([x.gaps(*state, at.parameters[x.name]) for x in tools]),
-            np.array([x.normals(*state) for x in tools]),
+            relative,
+            np.array([x.gaps(*state, at.parameters[x.name]) for x in contacts]),
+            np.array([x.normals(*state) for x in contacts]),
             *(values(problem, at.parameters, "force"), kappa, at.contact_forces),
         )
 
@@ -335,20 +353,67 @@ class _LinearGaps:
         The stiffness is reduced at open gaps.
         """
         touches, n = self.force > 0, self.normal
-        force = np.where(touches, self.multiplier - self.kappa * self.gap, 0.0)
-        nodal = self.points.T @ -(force[:, None] * n).sum(axis=0).T
-        of_gap = np.where(np.isfinite(self.gap), STIFFNESS_OF_GAP, 0.0)
-        kappa = (self.kappa * np.where(touches, 1.0, of_gap))[:, None, None]
-        stiffness = (kappa * n[:, :, None] * n[:, None]).sum(axis=0).T
-        return np.ravel(nodal), problem.at_points(stiffness, np.arange(n.shape[2]))
+        reached = np.isfinite(self.gap)
+        pressed = self.multiplier - self.kappa * np.where(reached, self.gap, 0.0)
+        force = -np.where(touches, pressed, 0.0)[:, None] * n
+        kappa = self.kappa * np.where(touches, 1.0, STIFFNESS_OF_GAP * reached)
+        stiffness = kappa[:, None, None] * n[:, :, None] * n[:, None]
+        nodal, blocks = np.zeros(n[0].T.shape), np.zeros((1, 3, 3))
+        for R, coupled, which in self.relative:
+            nodal += R.T @ force[which].sum(axis=0).T
+            on_points = stiffness[which].sum(axis=0)
+            blocks = blocks + problem.ply.pattern.summed(coupled, on_points)
+        return np.ravel(nodal), blocks
 
-    def moved(self, du: ndarray) -> float:
-        """Update forces after an increment (3, n_nodes).
+    def reached(self, problem: Problem, after: ndarray) -> ndarray:
+        """Increment towards one with a set of active nodes, from the previous one.
+
+        The first as a whole; of plies further ones up to the least energy of the
+        second-order model with the constraints, along the difference: between several
+        plies the sets would alternate.
+        """
+        opened = self._opened(problem.nodal(after))
+        active = np.where(self.force > 0, self._pressed(opened), 0.0)
+        if self.last is None or problem.tools == problem.contacts:
+            self.last = after, opened, active
+            return after
+        before, closed, balanced = self.last
+        away = opened - closed
+
+        def slope(share: float) -> float:
+            linear = (1 - share) * balanced + share * active
+            pressed = np.maximum(self._pressed(closed + share * away), 0.0)
+            return float(((linear - pressed) * away).sum())
+
+        share = 1.0
+        if slope(1.0) > 0:
+            share = brentq(slope, 0.0, 1.0, xtol=_SHARE) if slope(0.0) < 0 else 0.0
+        self.last = (
+            before + share * (after - before),
+            closed + share * away,
+            balanced + share * (active - balanced),
+        )
+        return self.last[0]
+
+    def _opened(self, du: ndarray) -> ndarray:
+        """Changes of the gaps by an increment (3, n_nodes)."""
+        opened = np.zeros_like(self.gap)
+        for _, R, which in self.relative:
+            opened[which] = (self.normal[which] * (R @ du.T).T).sum(axis=1)
+        return opened
+
+    def _pressed(self, opened: ndarray) -> ndarray:
+        """Forces λ − κ g of changed gaps; 0 where they are infinite."""
+        gap = np.where(np.isfinite(self.gap), self.gap, 0.0)
+        pressed = self.multiplier - self.kappa * (gap + opened)
+        return np.where(np.isfinite(self.gap), pressed, 0.0)
+
+    def moved(self) -> float:
+        """Update forces after an increment.
 
         Returns the largest force of a node that touches or leaves, in N.
         """
-        before, moved = self.force > 0, (self.points @ du.T).T
-        gap = self.gap + (self.normal * moved).sum(axis=1)
-        force = self.multiplier - self.kappa * gap
+        assert self.last
+        before, force = self.force > 0, self._pressed(self.last[1])
         self.force = np.maximum(force, 0.0)
         return float(np.abs(force[before != (force > 0)]).max(initial=0.0))

@@ -143,6 +143,9 @@ _FRICTION = "intervals are measured without friction only; compare with a finer 
 
 _LET_GO = "clamps have let go; compare with a finer mesh"
 
+#: Reason why a stack and its plies have no interval.
+OF_STACK = "intervals are not measured for stacks; compare with a finer mesh"
+
 _RELEASED = "conditions have ended; compare with a finer mesh"
 
 #: A quantity of the user: a number from a ply and its displacement.
@@ -189,6 +192,21 @@ class ErrorInterval:
         """Half-widths of the reaction of a condition in N; d times None if unknown."""
         known = self.reactions.get(name)
         return [None] * d if known is None else known.tolist()
+
+    def of_largest_angle(self, ply: Ply, u: ndarray) -> float | None:
+        """Half-width of `Ply.largest_shear_angle` in radians; None without an interval.
+
+        It is increased by the difference between the recovered and the computed angle
+        around the peak (Zienkiewicz & Zhu 1992).
+        """
+        try:
+            low, high = self.of(Ply.largest_shear_angle)
+        except ValueError:
+            return None
+        angle, t = ply.shear_angle(u, ply.centre)[:, 0], ply.mesh.t
+        near = np.isin(t, t[:, np.abs(angle).argmax()]).any(axis=0)
+        off = (ply.recovery @ angle)[t].mean(axis=0) - angle
+        return (high - low) / 2 + float(np.sqrt(np.mean(off[near] ** 2)))
 
     def of(self, quantity: Quantity) -> tuple[float, float]:
         """Lower and upper end of the interval of a quantity.
@@ -246,6 +264,8 @@ def error_interval(
         )
     if state.load_factor == 0:
         return ErrorInterval(reason="the ply is not loaded yet")
+    if hasattr(problem.ply, "plies"):
+        return ErrorInterval(reason=OF_STACK)
     if not state.verdict.stable:
         return ErrorInterval(reason="the equilibrium is not stable")
     if not problem.constraints.free.size:

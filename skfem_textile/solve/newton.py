@@ -134,13 +134,22 @@ class Descent(Whole):
             line = Line(self.problem, at, increment.du)
             self._watched, self._left = (line, increment), self.patience
         line, first = self._watched
-        if line.falls_to(self.problem.moved(at.u, increment.du)):
+        moved = self.problem.moved(at.u, increment.du)
+        if line.falls_to(moved) or self._nearer(at, line.at):
             self._watched = None
         elif not self._left:
             at, increment = line.at, first._replace(du=line.halved())
             self._watched = None
         self._left -= 1
         return at, increment
+
+    def _nearer(self, at: Iterate, before: Iterate) -> bool:
+        """True if forces between plies, which have no energy, are closer to balance."""
+        problem = self.problem
+        if problem.tools == problem.contacts:
+            return False
+        both = (problem.unbalanced(x.f, x.u) for x in (at, before))
+        return next(both) < 0.5 * next(both)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,18 +12,18 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
-from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
+from ..ply.terms import ContactTerm
 from .conditions import Constraints, plain, reactions, turned
+from .contact_points import between_tools, couple, curved
 from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System, largest_row, reduced
 from .states import NoEquilibriumError
-from .surface_nodes import SurfaceNodes
 
 #: Relative round-off of a number.
 EPSILON = 2.0**-53
@@ -42,11 +42,6 @@ _ROUND_OFF_OF_FORCES = 1e-3
 # Displacement, relative to the sizes and motions of ply and tools, beyond which nothing
 # stops a ply.  The first increments of soft plies are several times their size.
 _FAR = 100.0
-
-#: Cosine of the angle between the normals of two tools below which they are on opposite
-#: sides of a ply.  The angle, 120°, guards the walls and the bottom of a box, which
-#: overlap beneath each other.
-OPPOSITE = -0.5
 
 # Ratio of stiffnesses, times the limit for pivots, from which a pivot may be round-off
 # without a mechanism: pivots are smaller than the stiffness of an element.
@@ -130,9 +125,9 @@ class Problem:
         True if there are loads, or a term with a ``line_search``, respectively.
     moves
         True if supports, surfaces or tools move after the load factor 0.
-    contacts, rubbing, balancing, clamps
-        Terms of contact with tools, tools and holders with friction, self-balancing
-        loads, and clamps.
+    contacts, tools, rubbing, balancing, clamps
+        Terms of contact with tools and between plies, those with tools, those and
+        holders with friction, self-balancing loads, and clamps.
     endings
         Constraints after each load factor at which conditions will end.
 
@@ -154,8 +149,8 @@ class Problem:
         self.load_factor = 0.0
         self.propping: ndarray | float = 0.0
         self.constraints = constraints
-        self._solver = solver
-        self.clock = Clock()
+        self._solver, self.clock = solver, Clock()
+        self._known: dict[str, Any] = {}  # the system, and the pattern it belongs to
         self.element_size = ply.basis.mesh.param()
         self.nodes, self._dimension = node_positions(ply.basis), components(ply.basis)
         self.in_space = self._dimension == 3
@@ -168,10 +163,11 @@ class Problem:
         self.balancing = [term for term in ply.terms if term.balances]
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
+        self.tools = [x for x in self.contacts if not x.of_plies]
         self.rubbing: list[Any] = [x for x in ply.terms if getattr(x, "friction", None)]
         self.has_friction = ply.fabric.has_friction or bool(self.rubbing)
         self.clamps: list[Any] = [x for x in ply.terms if x.release is not None]
-        for kind, terms in ("tool", self.contacts), ("clamp", self.clamps):
+        for kind, terms in ("tool", self.tools), ("clamp", self.clamps):
             for term in terms:
                 if term.name in constraints.nodes:
                     raise ValueError(
@@ -182,13 +178,16 @@ class Problem:
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
         self.moves = True
 
-    @cached_property
+    @property
     def system(self) -> System:
         """`System` of the free unknowns, see `System.of`; its construction is timed."""
-        clock, ply, constraints = self.clock, self.ply, self.constraints
+        clock, ply, known = self.clock, self.ply, self._known
         pattern = clock.time("assembly", lambda: ply.pattern)
-        arguments = pattern, self.nodes, constraints, self._solver
-        return clock.time("solve", System.of, *arguments)
+        if known.get("pattern") is not pattern:
+            arguments = pattern, self.nodes, self.constraints, self._solver
+            system = clock.time("solve", System.of, *arguments)
+            known |= {"pattern": pattern, "system": system}
+        return known["system"]
 
     def energy(self, u: ndarray, parameters: PlyParameters) -> float:
         """Energy in N·mm, potentials of loads included."""
@@ -292,8 +291,8 @@ class Problem:
 
     def at(self, load_factor: float, propping: ndarray | float = 0.0) -> "Problem":
         """The same problem, with the same clock, at another load factor."""
-        # So that both share them.
-        _ = self.system, self._size, self.contacts and self._of_points
+        self.ply.uncouple()
+        _ = self.system, self._size  # so that both share them
         other = copy(self)
         other.load_factor, other.propping = load_factor, propping
         return other
@@ -301,7 +300,7 @@ class Problem:
     def ended(self, load_factor: float) -> "Problem":
         """The same problem without the conditions that end at a load factor."""
         other = copy(self)
-        vars(other).pop("system", None)
+        other._known = {}
         other.constraints = after = self.endings[load_factor]
         other.surfaces = after.surfaces
         other.endings = {t: x for t, x in self.endings.items() if t > load_factor}
@@ -405,42 +404,17 @@ class Problem:
         self, u: ndarray, contact_forces: Any, parameters: PlyParameters, *how: Any
     ) -> ndarray:
         """Blocks of the tangent, see `Tangent.at`."""
-        arguments = u, self.load_factor, parameters, *how
-        blocks = self.clock.time("assembly", self.ply.stiffness, *arguments)
+        ply, t = self.ply, self.load_factor
+        couple(ply, self.contacts, u, parameters)
+        arguments = u, t, parameters, *how
+        blocks = self.clock.time("assembly", ply.stiffness, *arguments)
         if contact_forces is None and self.surfaces:
             f = self.nodal(self.residual(u, parameters))
-            contact_forces = self.surfaces.forces(u, self.load_factor, f)
-        blocks = self.curved(u, blocks, self.surfaces, contact_forces)
-        return _between_tools(self, u, parameters, blocks) if self.contacts else blocks
-
-    def curved(
-        self,
-        u: ndarray,
-        blocks: ndarray,
-        constraint: ContactTerm | SurfaceNodes | None,
-        forces: ndarray | float | None,
-    ) -> ndarray:
-        """Tangent blocks less λ∇²g, with contact forces λ of shape (n_nodes,)."""
-        if constraint is None or forces is None or not np.any(forces):
+            contact_forces = self.surfaces.forces(u, t, f)
+        blocks = curved(ply, u, t, blocks, self.surfaces, contact_forces)
+        if not self.tools:
             return blocks
-        nodes = np.flatnonzero(forces)
-        curvatures = constraint.curvatures(u, self.load_factor, nodes)
-        curvatures = (np.asarray(forces)[nodes] * curvatures).T
-        if isinstance(constraint, ContactTerm):
-            return blocks - self.at_points(curvatures, nodes)
-        blocks = blocks.copy()
-        blocks[self.ply.pattern.diagonal[nodes]] -= curvatures
-        return blocks
-
-    def at_points(self, blocks: ndarray, nodes: ndarray) -> ndarray:
-        """Tangent blocks of blocks at the contact points of nodes, (n, 3, 3)."""
-        of_points = self._of_points[:, nodes]
-        return np.asarray(of_points @ blocks.reshape(-1, 9)).reshape(-1, 3, 3)
-
-    @cached_property
-    def _of_points(self) -> csc_matrix:
-        """Matrix from blocks at contact points, equal for all tools, to the tangent."""
-        return csc_matrix(self.ply.pattern.congruence(self.contacts[0].points))
+        return between_tools(ply, self.contacts, u, t, parameters, blocks)
 
     def around(self, u: ndarray) -> ndarray:
         """Elements at the node where a DOF vector is largest."""
@@ -473,7 +447,7 @@ class Tangent:
         self._u, self._computed, self._turn = u, assemble, problem.turn(u)
         self.projected, blocks = False, assemble()
         if problem.surfaces:
-            self._blocks = blocks
+            self._matrix = problem.ply.pattern.matrix(blocks)
         if not np.isfinite(blocks.sum()):
             raise NoEquilibriumError("the tangent is not finite", advice=NOT_FINITE)
         matrix = clock.time("assembly", reduced, system, blocks, self._turn)
@@ -516,8 +490,10 @@ class Tangent:
         return cls(problem, u, partial(problem.blocks, *arguments))
 
     @cached_property
-    def _blocks(self) -> ndarray:
-        return self._computed()
+    def _matrix(self) -> csr_matrix:
+        """The tangent of all unknowns."""
+        blocks = self._computed()
+        return self._problem.ply.pattern.matrix(blocks)
 
     @cached_property
     def negative_pivots(self) -> int | None:
@@ -566,7 +542,7 @@ class Tangent:
         problem = self._problem
         if not problem.surfaces:
             return None
-        after = problem.nodal(f + problem.ply.pattern.matrix(self._blocks) @ du)
+        after = problem.nodal(f + self._matrix @ du)
         return problem.surfaces.forces(self._u, problem.load_factor, after)
 
     def equilibrated(self, f: ndarray) -> tuple[ndarray, ndarray]:
@@ -585,7 +561,7 @@ class Tangent:
 
         The motion of all unknowns, and the nodal forces after it.
         """
-        moved = self._problem.ply.pattern.matrix(self._blocks) @ motion
+        moved = self._matrix @ motion
         correction, after = self.equilibrated(moved + forces)
         return motion + correction, after
 
@@ -650,30 +626,6 @@ class Tangent:
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
         return float(ROUNDINGS * EPSILON * size * self._largest_row)
-
-
-def _between_tools(
-    problem: Problem, u: ndarray, parameters: PlyParameters, blocks: ndarray
-) -> ndarray:
-    """Add a small stiffness at open gaps if tools are on both sides of the ply.
-
-    Tools on one side restrain only nodes that touch them.
-    """
-    t = problem.load_factor
-    gap = np.concatenate([x.gaps(u, t, parameters[x.name]) for x in problem.contacts])
-    n = np.hstack([x.normals(u, t) for x in problem.contacts])
-    force, stiffness = (
-        np.concatenate([parameters[x.name][key] for x in problem.contacts])
-        for key in ("force", "stiffness")
-    )
-    reached, nearest = np.isfinite(gap), n[:, gap.argmin()]
-    if not (nearest @ n < OPPOSITE).any():
-        return blocks
-    off = reached & ~(force - stiffness * np.where(reached, gap, 0.0) > 0)
-    n, kappa = n[:, off], STIFFNESS_OF_GAP * stiffness[off]
-    nodes = np.flatnonzero(off) % problem.nodes.shape[1]
-    np.add.at(blocks, problem.ply.pattern.diagonal[nodes], (kappa * n[:, None] * n).T)
-    return blocks
 
 
 def tangent_at(

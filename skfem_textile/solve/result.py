@@ -17,7 +17,6 @@ from ..ply.terms import ContactTerm
 from ..surfaces.surface import Surface
 from .conditions import Conditions
 from .continuation import path_warning
-from .largest_angle import figures_of_shear
 from .linear.solver import Choice
 from .on_surface import OnSurface
 from .quantities import IN_PLANE, IN_SPACE, LOST, OF_PLY, SLIP, Quantity, first_rows
@@ -147,6 +146,22 @@ class Result:
         if not later:
             return self
         return replace(self, states=first, later=[*later, *self.later])
+
+    @property
+    def plies(self) -> "list[Result]":
+        """Results of the plies of a stack from the lowest, see `of_ply`."""
+        return [self.of_ply(i + 1) for i in range(len(getattr(self.ply, "plies", ())))]
+
+    def of_ply(self, number: int) -> "Result":
+        """Result of a ply of a stack where it lies, by its number, 1 for the lowest.
+
+        Reactions are of tools on it; energy lost by friction on other bodies is not
+        contained.  A ValueError if there is no such ply, or no stack.
+        """
+        from .of_stack import of_ply
+
+        result: Result = of_ply(self, number)
+        return result
 
     @property
     def every_state(self) -> list[State]:
@@ -354,7 +369,11 @@ class Result:
         of_load, of_tools = self._figures_of_load(driven), self._figures_of_tools()
         of_clamps = self._figures_of_clamps()
         in_space = components(ply.basis) == 3
-        of_shear = figures_of_shear(ply, u, error) if in_space else {}
+        of_shear: dict[str, float | None] = {}
+        if in_space:
+            key, half = IN_SPACE.key, error.of_largest_angle(ply, u)
+            of_shear[key] = float(np.degrees(ply.largest_shear_angle(u)))
+            of_shear[f"{key}_half_width"] = half and float(np.degrees(half))
         figures = of_load, of_tools, of_clamps
         first = [row for one in figures for row in one.get("first", [])]
         return {
@@ -522,7 +541,9 @@ class Result:
     def _figures_of_tools(self) -> dict[str, Any]:
         figures: dict[str, Any] = {}
         for figures_of in dict.fromkeys(type(tool).figures for tool in self._tools()):
-            figures |= figures_of(self)
+            of_terms = figures_of(self)
+            first = figures.get("first", []) + of_terms.get("first", [])
+            figures |= of_terms | ({"first": first} if first else {})
         return figures
 
     def _head(self) -> str:

@@ -382,7 +382,7 @@ class Run:
         """The error that ends the run."""
         state, problem = self.states[-1], self.problem
         far = travels(problem.constraints, problem.nodal(state.u))
-        far |= {tool.name: state.displacements[tool.name] for tool in problem.contacts}
+        far |= {tool.name: state.displacements[tool.name] for tool in problem.tools}
         return StepError.after(error, self.result, far)
 
     def progress(self) -> str:

@@ -97,6 +97,7 @@ class SurfaceNodes:
         self.conditions = dict(conditions)
         self._parts: list[tuple[str, OnSurface, ndarray]] = []
         self._X = np.pad(X, ((0, 1), (0, 0)))
+        self.points = csr_matrix(identity(X.shape[1]))
         n_nodes = X.shape[1]
         every = identity(3 * n_nodes, format="csr") if turn is None else turn
         self._frames = every.tobsr((3, 3)).data
@@ -171,13 +172,17 @@ class SurfaceNodes:
         forces[self.nodes] = (f[:, self.nodes] * self._at(u, t).across).sum(axis=0)
         return forces
 
-    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
-        """∇²φ over n·∇φ at some of the nodes, shape (3, 3, n)."""
+    def curved(self, u: ndarray, t: float, forces: ndarray) -> tuple[ndarray, ndarray]:
+        """Forces times ∇²φ over n·∇φ at the nodes on which they act, see `ContactTerm`.
+
+        Shapes (n,) and (3, 3, n).
+        """
         x, curvatures = self._positions(u), np.zeros((3, 3, self._X.shape[1]))
         for surface, on in self._surfaces(t):
             curvatures[..., on] = surface.hessian(x[:, on])
         curvatures[..., self.nodes] /= self._at(u, t).slope
-        return curvatures[..., nodes]
+        nodes = np.flatnonzero(forces)
+        return nodes, forces[nodes] * curvatures[..., nodes]
 
     def turn(self, u: ndarray, t: float) -> csr_matrix:
         """Matrix from the unknowns, of which ``eliminated`` are normal to surfaces."""

@@ -115,6 +115,11 @@ _CUP: dict[str, Any] = {
     **{"width": 160.0, "height": 160.0, "size": (3, 3)},
 }
 
+_TWO: dict[str, Any] = {
+    **(_CUP | {"travel": 10.0, "layup": "[0/90, ±45]"}),
+    **{"ply_friction": 0.2, "ply_thickness": 0.5},
+}
+
 _HELD = {"fixed": Condition("bottom"), "pulled": Condition("top", (0.0, 12.0))}
 
 
@@ -290,6 +295,11 @@ SCENES = {
         ),
     ),
     "outlines": (
+        Scene(
+            "two plies",
+            _ply(hemisphere_forming, 1e3, 0.1, 1, bending=5.0, **_TWO),
+            ("contact.between_plies", "contact.ply_surface", "contact.stack"),
+        ),
         Scene("net", _meshed(lambda: mesh_outline(_specimen(), _fabric(45.0), _HELD))),
         Scene(
             "hole",

@@ -92,6 +92,8 @@ def misspelt():
             case["phases"], path = [phase], "phases.a.tools.punch"
         elif table == "[clamps]":
             case["clamps"], path = [{"stepz": 1}], "clamp_1"
+        elif table == "[plies]":
+            case["plies"], path = [{"stepz": 1}], "ply_1"
         elif table.startswith("regions") or table == "vary":
             continue
         else:
@@ -133,6 +135,12 @@ def test_a_name_has_one_value_or_several():
     assert words.setting("mesh.seed=02") == ("mesh.seed", 2)
     with pytest.raises(ArgumentTypeError, match="NAME=VALUE"):
         words.pair("top")
+
+
+def test_commas_within_a_lay_up_do_not_separate_values():
+    word = "scene.layup=[0/90, ±45]s,[±45,0/90]2"
+    assert words.variation(word)[1] == ["[0/90, ±45]s", "[±45,0/90]2"]
+    assert words.variation("mesh.source=graded,aligned")[1] == ["graded", "aligned"]
 
 
 @pytest.mark.parametrize(
