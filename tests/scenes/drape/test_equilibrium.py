@@ -46,7 +46,7 @@ def test_the_reduced_tangent_is_the_hessian_of_the_energy_on_the_surface(held):
     p, h = ply.parameters_at_rest, 1e-3
     tangent = Tangent.at(problem, u, p)
     free, turn = problem.constraints.free, problem.turn(u)
-    upper = reduced(problem.system, tangent._blocks, turn).upper
+    upper = reduced(problem.system, problem.blocks(u, None, p), turn).upper
     K = (upper + upper.T).toarray() - np.diag(upper.diagonal())
     rng, f = np.random.default_rng(2), problem.residual(u, p)
     for _ in range(3):
