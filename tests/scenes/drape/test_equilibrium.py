@@ -20,7 +20,7 @@ from skfem_textile import (
 from skfem_textile.drape import Sphere
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.solve.continuation import loads_drive, moves
-from skfem_textile.solve.problem import Tangent, reduced
+from skfem_textile.solve.problem import reduced
 from tests.helpers import arguments_of, random_u
 from tests.helpers.tools import (
     RADIUS,
@@ -44,7 +44,6 @@ def test_the_reduced_tangent_is_the_hessian_of_the_energy_on_the_surface(held):
     problem = problem_of(ply, {"on": OnSurface(sphere)} | held).at(1.0)
     u = problem.moved(geodesic_u(ply, sphere), random_u(ply, 1, 0.1))
     p, h = ply.parameters_at_rest, 1e-3
-    tangent = Tangent.at(problem, u, p)
     free, turn = problem.constraints.free, problem.turn(u)
     upper = reduced(problem.system, problem.blocks(u, None, p), turn).upper
     K = (upper + upper.T).toarray() - np.diag(upper.diagonal())
