@@ -288,8 +288,9 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
 
     Parameters
     ----------
-    mesh, size, jitter, seed, fibres, width, height, tension, part, layup, ply_friction,
-    ply_thickness
+    mesh, size, jitter, seed, fibres, width, height, tension, part
+        See `formed_ply`.
+    layup, ply_friction, ply_thickness
         See `formed_ply`.
     centre
         Centre of the ply, x and y in mm from the axis of the tools; the whole ply is
@@ -342,9 +343,10 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
 
     Parameters
     ----------
-    mesh, size, jitter, seed, fibres, width, height, tension, part, layup, ply_friction,
-    ply_thickness
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `formed_ply`; the size is 24 × 16 and the width 470 mm by default.
+    layup, ply_friction, ply_thickness
+        See `formed_ply`.
     travel
         Final travel of the punch in mm, at most the height of the dome.
     gap, pressure, force, compaction
@@ -428,9 +430,10 @@ def forming(given: declared.Forming) -> Scene:
     ----------
     punch, die
         Triangulated tools, see `skfem_textile.io.read_surface`.
-    mesh, size, jitter, seed, fibres, width, height, tension, part, layup, ply_friction,
-    ply_thickness
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `formed_ply`; the part is the whole ply by default.
+    layup, ply_friction, ply_thickness
+        See `formed_ply`.
     travel
         Final travel of the punch along z in mm, negative if it moves down.
     gap
